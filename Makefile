@@ -49,7 +49,7 @@ help:
 	@echo 'make test-numba      run the tests of compiling with the oldest and the newest numba'
 	@echo 'make lint            check the sources with ruff and mypy, and the words of all texts'
 	@echo 'make coverage        measure which lines and branches the tests execute'
-	@echo 'make mutate          falsify lines of physics one by one and check that a test fails'
+	@echo 'make mutate          falsify lines one by one and check that a test fails'
 	@echo 'make fuzz            generate malformed decks for SECONDS ($(SECONDS)) and run them'
 	@echo 'make regress         run the stored cases again and print the differences to tests/regression'
 	@echo 'make regress-update  replace the results in tests/regression and print what changed'

@@ -1,11 +1,10 @@
 """Loop seconds to an error: ``python -m benchmarks.precision [--quick] [-o DIR]``.
 
-Results: precision.md, precision_points.csv (every run) and a picture of each problem. ``--quick``
+Results: precision.md and a picture of each problem. ``--quick``
 is a smoke test on three problems and with short runs; its figures mean nothing.
 """
 
 import argparse
-import csv
 import statistics
 import time
 from collections.abc import Iterable
@@ -65,7 +64,6 @@ def main() -> None:
         # After every problem: what was measured is there to be read should a later one be stopped.
         machine[-1] = f"complete benchmark: {time.perf_counter() - began:.0f} s"
         (folder / "precision.md").write_text(report(found, machine, options.quick))
-        write_csv(found, folder / "precision_points.csv")
     print((folder / "precision.md").read_text())
 
 
@@ -215,22 +213,6 @@ def _settings() -> str:
     for module in PEERS.values():
         lines += [f"- **{code}**: {text}." for code, text in module.SETTINGS.items()]
     return "\n".join([versions(), "", *lines])
-
-
-def write_csv(found: list[Found], path: Path) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEADER)
-        for one in found:
-            for curve in one.curves:
-                writer.writerows(_csv_row(one.problem, curve, point) for point in curve.sorted())
-
-
-def _csv_row(problem: Problem, curve: Curve, p: Point) -> list[object]:
-    per_step = [1e6 * p.seconds / p.steps, p.iterations / p.steps] if p.steps else ["", ""]
-    step = knob(problem, curve.code, p.rung)
-    return [problem.name, problem.bodies, curve.code.name, step, p.error, p.seconds,
-            len(p.samples), p.steps, *per_step, p.note]  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Measure cost against the number of bodies: step, complete command, memory.
 
-    python -m benchmarks.scale                       # results/scale.{md,csv,png}, some minutes
+    python -m benchmarks.scale                       # results/scale.{md,png}, some minutes
     python -m benchmarks.scale --most 10000 -o DIR
 
 Each run is a complete process ``msahl run`` of ten steps with Newton's method and without error
@@ -9,12 +9,11 @@ three times as many less that of the first run. A step of a small model is timed
 """
 
 import argparse
-import csv
 import json
 import os
 import tempfile
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -127,12 +126,8 @@ def page(points: list[Point], machine: list[str]) -> Iterator[str]:
 
 
 def write(points: list[Point], machine: list[str], folder: Path) -> None:
-    """Write table, figure and page."""
+    """Write figure and page."""
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "scale.csv").open("w", newline="") as file:
-        table = csv.DictWriter(file, [field.name for field in fields(Point)])
-        table.writeheader()
-        table.writerows(map(asdict, points))
     draw(points, folder / "scale.png")
     (folder / "scale.md").write_text("\n".join(page(points, machine)) + "\n")
 

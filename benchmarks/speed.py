@@ -1,11 +1,10 @@
 """Measure everything and write it down: ``python -m benchmarks.speed [--quick] [-o DIR]``.
 
-Results: speed.md, speed.csv (the loops) and two pictures. ``--quick`` is a smoke test: one step
+Results: speed.md and two pictures. ``--quick`` is a smoke test: one step
 size, no chain of 1000, few repeats; its figures mean nothing.
 """
 
 import argparse
-import csv
 import sys
 import time
 from pathlib import Path
@@ -39,7 +38,6 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     machine.append(f"complete benchmark: {time.perf_counter() - began:.0f} s")
     (folder / "speed.md").write_text(report(results, machine, options.quick))
-    write_csv(results.loops, folder / "speed.csv")
     pictures.draw_all(results.loops, folder)
     print((folder / "speed.md").read_text())
 
@@ -144,19 +142,6 @@ def _phases(solver: str, starts: Starts) -> str:
 def _settings() -> str:
     lines = [f"- **{code}**: {text}." for code, text in SETTINGS.items()]
     return "\n".join([versions(), "", *lines])
-
-
-def write_csv(rows: list[Measured], path: Path) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEADER)
-        for r in rows:
-            errors = r.errors if r.errors else ("", "", "")
-            times = (1e6 * r.per_step_and_body, 1e6 * r.per_step)
-            writer.writerow(
-                [r.problem.name, r.problem.bodies, r.h, r.code, *times, r.steps, len(r.samples),
-                 *errors, r.problem.span, r.note]
-            )  # fmt: skip
 
 
 if __name__ == "__main__":

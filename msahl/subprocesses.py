@@ -1,7 +1,10 @@
-"""How a process of this program starts another one: its command and its environment."""
+"""How a process of this program starts and ends others, and how many there may be."""
 
 import os
+import subprocess
 import sys
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -18,3 +21,35 @@ def environment() -> dict[str, str]:
     given = os.environ.get("PYTHONPATH")
     places = [place or str(Path.cwd()) for place in sys.path]
     return os.environ | {"PYTHONPATH": os.pathsep.join([given, *places] if given else places)}
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def start_worker(
+    module: str, variables: Mapping[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """Start a process that runs a ``module``, with pipes to its input and from its output;
+    ``variables`` of the environment count where none are set.
+    """
+    return subprocess.Popen(
+        command_of(module),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**(variables or {}), **environment()},
+        start_new_session=True,  # an interruption by the terminal is for this process alone
+    )
+
+
+def end_worker(process: subprocess.Popen[bytes]) -> None:
+    """End a process at once, whatever it does."""
+    process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with suppress(OSError):
+                stream.close()

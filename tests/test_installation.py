@@ -83,7 +83,9 @@ def execute(commands, folder, kernels, path=()):
 
 @pytest.fixture(scope="module")
 def kernels(tmp_path_factory):
-    return tmp_path_factory.mktemp("kernels")
+    """One cache for all that compile, in whichever process of the tests."""
+    base = tmp_path_factory.getbasetemp()
+    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels"
 
 
 @pytest.fixture

@@ -6,8 +6,6 @@ Python, of which a process runs one thread at a time: two thirds of a short run 
 each worker is a process.
 """
 
-import os
-import subprocess
 import sys
 import time
 from collections import deque
@@ -21,7 +19,7 @@ from typing import Any, Literal, Unpack, overload
 from msahl.api.model import Model, Value
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
-from msahl.api.running import begun
+from msahl.api.running import at_start
 from msahl.api.worker import EndedError, Outcome, outcome_of, receive, send
 from msahl.jit.compiled import prepare
 from msahl.results.job import Job
@@ -29,7 +27,7 @@ from msahl.run.options import OptionError
 from msahl.run.setup import build_setup
 from msahl.run.tables import ERROR, tables_of_model
 from msahl.start.velocities import StartError
-from msahl.subprocesses import command_of, environment
+from msahl.subprocesses import cores, end_worker, start_worker
 
 Sample = Mapping[str, Value]
 """Numbers of the deck by name, as ``Model.with_`` takes them."""
@@ -91,10 +89,10 @@ def batch(
 
     Each sample is a mapping such as ``{"L": 0.8, "Bob.mass": "3 kg"}``; a pandas frame has one in
     each row. Results are to the bit those of ``model.with_(**sample).run(**options)``. ``jobs`` is
-    the number of processes (default: one for each core, if there is enough to do; 1 runs everything
-    in this one). Results have all tables, or those named in ``tables``. A sample that cannot be run
-    raises ``DeckError``, ``OptionError`` or ``StartError``; with ``errors="return"`` these
-    exceptions are yielded in place of results.
+    the number of processes, at most one for each core and sample (default: one for each core, if
+    there is enough to do; 1 runs everything in this one). Results have all tables, or those named
+    in ``tables``. A sample that cannot be run raises ``DeckError``, ``OptionError`` or
+    ``StartError``; with ``errors="return"`` these exceptions are yielded in place of results.
 
     Results are made while they are consumed, a few ahead; so the memory needed does not grow with
     the number of samples. Raises ``BatchError`` if a process is killed.
@@ -149,7 +147,7 @@ class _Runs:
 
     def _result(self, sample: Sample, outcome: tuple[dict[str, Any], Any]) -> Result:
         def job() -> Job:
-            return begun(self.model.with_(**sample).job(**self.options))
+            return at_start(self.model.with_(**sample).job(**self.options))
 
         result = Result(None, *outcome, job, self.columns)
         if self.tables is not None:
@@ -163,13 +161,9 @@ class _Runs:
         """Yield the samples with their outcomes, in order."""
         run_time = 0.0
         if jobs is None:
-            jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+            jobs = cores()
             for tried in range(TRIED) if jobs > 1 else ():
-                if (
-                    left is not None
-                    and (left - tried) * run_time < WORTH * START_SECONDS
-                    and tried > 1
-                ):
+                if tried > 1 and left is not None and left * run_time < WORTH * START_SECONDS:
                     jobs = 1  # the rest is done before a process has started
                     break
                 found = list(islice(source, 1))
@@ -178,6 +172,7 @@ class _Runs:
                 began = time.perf_counter()
                 outcome = self._run_here(found[0])
                 run_time = time.perf_counter() - began
+                left = left and left - 1
                 yield found[0], outcome
                 if run_time > TRIED * START_SECONDS:
                     break
@@ -187,6 +182,7 @@ class _Runs:
             return
         first = list(islice(source, 1))
         if first:
+            jobs = min(jobs, cores(), left or jobs)
             yield from self._in_processes(chain(first, source), jobs, run_time)
 
     def _run_here(self, sample: Sample) -> Outcome:
@@ -239,13 +235,7 @@ class _Worker:
     """A process that runs samples, see ``worker``."""
 
     def __init__(self, begin: Any) -> None:
-        self.process = subprocess.Popen(
-            command_of("msahl.api.worker"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment(),
-            start_new_session=True,  # Ctrl-C is for the process that waits
-        )
+        self.process = start_worker("msahl.api.worker")
         assert self.process.stdin
         assert self.process.stdout
         self.into, self.out = self.process.stdin, self.process.stdout
@@ -271,8 +261,4 @@ class _Worker:
 
     def stop(self) -> None:
         """End the process, whatever it does."""
-        self.process.kill()
-        self.process.wait()
-        for stream in (self.into, self.out):
-            with suppress(OSError):
-                stream.close()
+        end_worker(self.process)

@@ -17,7 +17,7 @@ from msahl.analysis.gradients.step_sequence import StepRecord, merged, of_rows
 from msahl.analysis.gradients.tables import TableGradients, TangentModel
 from msahl.api.derivatives import GradientError, Gradients
 from msahl.api.result import Result
-from msahl.api.running import begun, run_job
+from msahl.api.running import at_start, run_job
 from msahl.deck.overrides import FoundNumber
 from msahl.model import Model
 from msahl.model.scheme import COLLOCATION
@@ -135,7 +135,7 @@ def differentiate(
 
 def run_with_gradients(job: Job, measures: str | Sequence[str], wrt: str | Sequence[str]) -> Result:
     """Run a ``job`` and return its results with their gradient; raises ``GradientError``."""
-    job = begun(job)
+    job = at_start(job)
     texts, tables = texts_of(measures), tables_of_model(job.model)
     columns = [text for text in texts if components(text, tables)]
     texts = [text for text in texts if text not in columns]
@@ -207,7 +207,7 @@ class _Work:
         self,
         along: tuple[TableGradients, dict[int, int]],
         needed: Sequence[Sequence[int]],
-        told: bool,
+        remarked: bool,
     ) -> np.ndarray:
         """Return the derivatives (m, n) of the measures from the ``needed`` rows of each."""
         found, place = along
@@ -215,14 +215,14 @@ class _Work:
         for i, measure in enumerate(self.request.measures):
             if not len(needed[i]):
                 continue
-            if self._is_undetermined(measure, found, told):
+            if self._is_undetermined(measure, found, remarked):
                 continue
             at = [place[row] for row in needed[i]]
             series = self._series(measure, found, at)
             jacobian[i] = derivative(measure, series, self.values[i])
-            if told and not np.isfinite(jacobian[i]).all():
+            if remarked and not np.isfinite(jacobian[i]).all():
                 self.remarks.append(f"{measure.text}: it has no derivative where its value is zero")
-            if told and is_tied(measure, series):
+            if remarked and is_tied(measure, series):
                 self.remarks.append(
                     f"{measure.text}: several output times have this value; the derivative is that "
                     "at the first of them"
@@ -234,12 +234,12 @@ class _Work:
         at = [along[1][row] for row in range(len(self.times))]
         return self._series(Measure(column, "", column), along[0], at).slopes.T
 
-    def _is_undetermined(self, measure: Measure, found: TableGradients, told: bool) -> bool:
+    def _is_undetermined(self, measure: Measure, found: TableGradients, remarked: bool) -> bool:
         """Whether a measure is one of reactions that are not unique; say so if it is to be
-        ``told``."""
+        ``remarked``."""
         places = components(measure.column, self.columns)
         names = {self.columns[table][index] for table, index in places}
-        if told and names & found.not_unique:
+        if remarked and names & found.not_unique:
             self.remarks.append(
                 f"{measure.text}: it has no derivative here, as redundant joints leave "
                 f"{', '.join(sorted(names & found.not_unique))} undetermined"

@@ -9,18 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.analysis.inverse.report import (
-    about,
-    drive_columns,
-    drive_rows,
-    lines,
-    report,
-    tables,
-    verdict,
-)
+from msahl.analysis.inverse.load_lines import lines
 from msahl.analysis.inverse.run_error import run_error
+from msahl.analysis.inverse.run_tables import about, drive_columns, drive_rows, report, tables
 from msahl.analysis.inverse.solution import Solution, compared, inverse, with_run_error
 from msahl.analysis.inverse.table import GivenMotion, motion_of_table, read_motion
+from msahl.analysis.inverse.verdict import verdict
 from msahl.api.result import Result
 from msahl.model import Model
 from msahl.results.job import Job, make_job
@@ -45,12 +39,12 @@ class InverseResult(Result):
 
     def __init__(self, job: Job, solution: Solution, seconds: float) -> None:
         found = verdict(solution)
-        told = {
+        figures = {
             "options": recorded_options(job.settings),
             **report(solution, found, seconds).as_json(),
             "inverse": about(solution),
         }
-        super().__init__(job.model, told, tables(solution, job.model), job)
+        super().__init__(job.model, figures, tables(solution, job.model), job)
         self.solution, self._verdict = solution, found
 
     @property

@@ -2,8 +2,8 @@
 
 import time
 
-from msahl.analysis.kinematics.report import COMMAND, SCHEME, kinematics_as_json, report_of
 from msahl.analysis.kinematics.solution import follow, output_times, prepare
+from msahl.analysis.kinematics.verdict import COMMAND, SCHEME, kinematics_as_json, report_of
 from msahl.api.result import Result, result_of
 from msahl.results.job import Job
 from msahl.run.tables import MemorySink

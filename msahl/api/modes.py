@@ -20,7 +20,7 @@ from msahl.analysis.modes.campbell import (
 from msahl.analysis.modes.campbell import campbell as modes_over
 from msahl.analysis.modes.files import Over, orders_of, write_campbell, write_modes
 from msahl.analysis.modes.following import Request
-from msahl.analysis.modes.report import report
+from msahl.analysis.modes.mode_lines import report
 from msahl.analysis.modes.solution import COLUMNS as MODE_COLUMNS
 from msahl.analysis.modes.solution import Modes as Found
 from msahl.analysis.modes.solution import mode_rows, shape_columns

@@ -13,7 +13,7 @@ from msahl.model import Model as Records
 from msahl.results.folder import find
 from msahl.results.info import ResultError
 from msahl.results.job import Job
-from msahl.results.publish import FinishedRun, write_run
+from msahl.results.session import write_run
 from msahl.results.write import DECK
 from msahl.run.options import recorded_options
 from msahl.run.report import COMPLETED, Report
@@ -220,19 +220,13 @@ class Result:
             )
         folder, origin = Path(folder), self._origin
         if isinstance(origin, Job):
-            finished = FinishedRun(
-                origin.source.path,
-                self.records,
-                origin.text,
-                origin.about(folder),
-                self.report,
-            )
+            path, text, about = origin.source.path, origin.text, origin.about(folder)
         else:
-            path = find(origin, DECK)
-            if path is None or "deck" not in self.report:
+            found = find(origin, DECK)
+            if found is None or "deck" not in self.report:
                 raise ResultError(f"{origin}: no complete run.json and deck.xml; run it again")
-            finished = FinishedRun(path, self.records, path.read_bytes(), self.report, self.report)
-        write_run(folder, finished, self._arrays)
+            path, text, about = found, found.read_bytes(), self.report
+        write_run(folder, path, self.records, text, about, self.report, self._arrays)
         return folder
 
     def plot(
@@ -312,5 +306,5 @@ def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
     arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR)}
     kept = {name: array for name, array in arrays.items() if len(array)}
     start = {"start": dict(job.start)} if job.start else {}
-    told = {**start, "options": recorded_options(job.settings), **report.as_json()}
-    return Result(job.model, told, kept, job)
+    figures = {**start, "options": recorded_options(job.settings), **report.as_json()}
+    return Result(job.model, figures, kept, job)

@@ -18,7 +18,7 @@ def run_job(job: Job, only: Sequence[str] | None = None, hooks: Hooks | None = N
     Raises ``StartError`` if the model has no consistent state at t = 0, and KeyboardInterrupt if
     the user stops the run.
     """
-    job = begun(job)
+    job = at_start(job)
     began, sink = time.perf_counter(), MemorySink(only)
     report = loop.run(job.model, job.options, sink, hooks or Hooks(), checked=True)
     report.seconds["total"] = time.perf_counter() - began
@@ -27,7 +27,7 @@ def run_job(job: Job, only: Sequence[str] | None = None, hooks: Hooks | None = N
     return result_of(job, report, sink)
 
 
-def begun(job: Job) -> Job:
+def at_start(job: Job) -> Job:
     """Return a run where it starts, at an equilibrium if its deck asks for it; raises
     ``StartError`` if none is found.
     """

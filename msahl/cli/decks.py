@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.console import say, stop
-from msahl.printable import printable, shown_path
+from msahl.printable import shown_path
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -66,17 +66,11 @@ def job_to_run(
     if job.model.simulation.start != EQUILIBRIUM:
         return job
     from msahl.analysis.equilibria.begin import beginning, beginning_of_run, told
-    from msahl.cli.compiling import announced
-    from msahl.deck import DeckError
-    from msahl.jit.progress import CompileError
-    from msahl.start.velocities import StartError
+    from msahl.cli.compiling import computing
 
-    try:
-        with announced(not quiet):
-            earlier = beginning_of_run(job, resumed) if resumed else None
-            job = earlier or beginning(job)
-    except (DeckError, StartError, CompileError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    with computing(deck, quiet):
+        earlier = beginning_of_run(job, resumed) if resumed else None
+        job = earlier or beginning(job)
     if not quiet and job.start:
         say(f"{shown_path(deck)}: {told(job.start)}")
     return job

@@ -5,16 +5,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_CONVERGED, say, stop, writing
+from msahl.cli.compiling import announced, computing
+from msahl.cli.console import NOT_CONVERGED, print_report, say, stop, writing
 from msahl.cli.decks import job_of
-from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import numpy as np
 
     from msahl.analysis.equilibria.equilibrium import Solution
@@ -52,7 +50,7 @@ COARSE = 1e-3
     help="Follow the equilibria at rest while gravity and loads grow from zero to END times those "
     "of the deck, through limit points and bifurcations (default: not; only the deck's loads).",
 )
-@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+@quiet_option
 def equilibrium(
     deck: Path,
     output: Path | None,
@@ -93,17 +91,12 @@ def _find(
     import numpy as np
 
     from msahl.analysis.equilibria.equilibrium import held_motions, search_start
-    from msahl.analysis.equilibria.report import lines
+    from msahl.analysis.equilibria.equilibrium_lines import lines
     from msahl.analysis.equilibria.search import all_equilibria, unresisted
-    from msahl.jit.progress import CompileError
-    from msahl.start.velocities import StartError
 
-    try:
-        with announced(not quiet):
-            point = search_start(job.model)
-            found = all_equilibria(point, np.array(rotation), starts)
-    except (StartError, CompileError) as error:
-        stop(f"{shown_path(job.source.path)}: {printable(str(error))}")
+    with computing(job.source.path, quiet):
+        point = search_start(job.model)
+        found = all_equilibria(point, np.array(rotation), starts)
     if not found:
         where, many = unresisted(point, np.array(rotation)), f"{starts} configurations"
         remedy = "search from more with --starts, or start the deck nearer to one"
@@ -119,8 +112,7 @@ def _find(
     for name in held_motions(job.model):
         say(f"WARN: motion '{printable(name)}' is held where it begins, but moves at t = 0")
     in_space = _in_space(job, found[0].place.point, np.array(rotation))
-    if not quiet:
-        echo("\n".join(printable(line) for line in lines(point, found, in_space)))
+    print_report(lambda: lines(point, found, in_space), (), quiet)
     if output is not None:
         _write(output, job, point, found)
 
@@ -153,6 +145,7 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
     from msahl.analysis.equilibria.load_path import Path as LoadPath
     from msahl.analysis.equilibria.load_path_tables import lines, tables
     from msahl.jit.progress import CompileError
+    from msahl.results.write import write_tables
     from msahl.start.velocities import StartError
 
     points, fault = [], ""
@@ -167,7 +160,7 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
         echo("\n".join(lines(points)))
     if points and output is not None:
         with writing(output):
-            _write_tables(output, tables(start, points))
+            write_tables(output, tables(start, points))
     if fault:
         stop(fault, NOT_CONVERGED)
 
@@ -177,22 +170,14 @@ def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") ->
     from msahl.analysis.equilibria.begin import deck_at
     from msahl.analysis.equilibria.tables import tables
     from msahl.deck import DeckError
+    from msahl.results.write import write_tables
     from msahl.start.velocities import StartError
 
     try:
         with writing(folder):
-            _write_tables(folder, tables(found))
+            write_tables(folder, tables(found))
             for number, solution in enumerate(found, start=1):
                 text = deck_at(job.text, job.source.path, start, solution)
                 (folder / f"equilibrium{number}.xml").write_bytes(text)
     except (DeckError, StartError) as error:
         stop(f"{shown_path(job.source.path)}: {printable(str(error))}", NOT_CONVERGED)
-
-
-def _write_tables(folder: Path, tables: "Mapping[str, tuple[list[str], np.ndarray]]") -> None:
-    """Write columns and rows of ``tables`` into the ``folder``, which is made."""
-    from msahl.results.write import file_name, write_table
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, (columns, rows) in tables.items():
-        write_table(folder / file_name(name), columns, rows)

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import click
 
-from msahl.cli.console import stop
+from msahl.cli.compiling import computing
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, set_option
-from msahl.printable import shown_path
 from msahl.terminal import echo
 
 
@@ -21,9 +20,6 @@ def explain(deck: Path, settings: tuple[str, ...]) -> None:
     """
     model = model_to_run(deck, {}, settings)
     from msahl.run.explain import explain as lines
-    from msahl.start.velocities import StartError
 
-    try:
+    with computing(deck, quiet=True):
         echo("\n".join(lines(model)))
-    except StartError as error:
-        stop(f"{shown_path(deck)}: {error}")

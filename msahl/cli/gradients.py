@@ -3,11 +3,9 @@
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from msahl.analysis.gradients.step_sequence import StepRecord
 from msahl.api.derivatives import HEADER, GradientError, Gradients
@@ -17,7 +15,7 @@ from msahl.printable import printable, shown_path
 from msahl.results.job import Job
 from msahl.results.write import GRADIENTS, replace_file
 from msahl.run.report import Report
-from msahl.run.tables import MemorySink, Sink
+from msahl.run.tables import MemorySink
 from msahl.terminal import echo
 
 
@@ -38,15 +36,11 @@ class GradientsOfRun:
         self.found: Gradients | None = None
         self.faults: list[str] = []
 
-    def beside(self, sink: Sink) -> Sink:
-        """Return a sink that keeps the rows of the measures as well."""
-        return _Both(sink, self.memory)
-
     def compute(self, report: Report) -> None:
         """Compute the derivatives of a run that has ended; say why if there are none."""
         try:
-            told = report.as_json()
-            self.found = differentiate(self.request, self.record, told, self.memory.table)
+            figures = report.as_json()
+            self.found = differentiate(self.request, self.record, figures, self.memory.table)
         except GradientError as error:
             self.faults = str(error).split("\n")
         except KeyboardInterrupt:
@@ -77,31 +71,11 @@ class GradientsOfRun:
             echo("\n".join(lines_of(self.found)))
 
 
-class _Both:
-    """Two sinks that get the same rows."""
-
-    def __init__(self, first: Sink, second: MemorySink) -> None:
-        self.first, self.second = first, second
-        self.takes_observed = first.takes_observed or second.takes_observed
-
-    def write(self, tables: Mapping[str, np.ndarray]) -> None:
-        """See ``Sink``."""
-        self.first.write(tables)
-        self.second.write(tables)
-
-    def restart(self) -> None:
-        """See ``Sink``."""
-        self.first.restart()
-        self.second.restart()
-
-
 def lines_of(found: Gradients) -> list[str]:
     """Return a table of the derivatives, in lines."""
     rows = [("measure", "by", "value", "derivative", "error", "unit")]
     for measure, name, value, slope, unit, error in found.rows():
-        rows.append(
-            (measure, name, *(_shown(of, n) for of, n in _digits(value, slope, error)), unit)
-        )
+        rows.append((measure, name, _shown(value, 8), _shown(slope, 8), _shown(error, 1), unit))
     widths = [max(len(row[k]) for row in rows) for k in range(6)]
     return [
         "  ".join(
@@ -110,10 +84,6 @@ def lines_of(found: Gradients) -> list[str]:
         ).rstrip()
         for row in rows
     ]
-
-
-def _digits(value: float, slope: float, error: float) -> tuple[tuple[float, int], ...]:
-    return (value, 8), (slope, 8), (error, 1)
 
 
 def _shown(number: float, digits: int) -> str:

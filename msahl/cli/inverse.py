@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.compiling import announced
+from msahl.cli.compiling import computing
 from msahl.cli.console import BAD_VERDICT, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import job_of
-from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -64,7 +64,7 @@ TABLE = click.Path(path_type=Path)
 )
 @output_option("none; nothing is written")
 @set_option
-@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+@quiet_option
 def inverse(
     deck: Path,
     motion: Path,
@@ -89,7 +89,8 @@ def inverse(
     elif result.reasons:
         say("\n".join(printable(reason) for reason in result.reasons))
     if output is not None:
-        _write(output, result)
+        with writing(output, OTHER_FOLDER):
+            result.write(output)
     if result.verdict == FAIL:
         sys.exit(BAD_VERDICT)
 
@@ -99,33 +100,12 @@ def _result(
 ) -> "InverseResult":
     """Return the loads; faults end the program."""
     job = job_of(deck, {}, settings)
-    from msahl.analysis.inverse.drives import InverseError
     from msahl.api.inverse import loads_of
-    from msahl.deck import DeckError
-    from msahl.jit.progress import CompileError
-    from msahl.results.info import ResultError
-    from msahl.start.velocities import StartError
 
     names = [name.strip() for text in wanted["loads"] for name in text.split(",") if name.strip()]
     weights, noise = _weights(wanted["weights"]), wanted["smooth"] or 0.0
-    try:
-        with announced(not quiet):
-            return loads_of(job, motion, names, weights, noise, wanted["companion"])
-    except (InverseError, StartError, ResultError, DeckError, CompileError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
-
-
-def _write(folder: Path, result: "InverseResult") -> None:
-    """Write the tables into the ``folder``; faults end the program."""
-    from msahl.results.folder import FolderError
-    from msahl.results.lock import FolderInUseError
-
-    try:
-        with writing(folder, OTHER_FOLDER):
-            folder.mkdir(parents=True, exist_ok=True)
-            result.write(folder)
-    except (FolderError, FolderInUseError) as error:
-        stop(printable(str(error)))
+    with computing(deck, quiet):
+        return loads_of(job, motion, names, weights, noise, wanted["companion"])
 
 
 def _weights(texts: tuple[str, ...]) -> dict[str, float]:

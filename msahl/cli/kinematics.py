@@ -1,6 +1,5 @@
 """The command ``msahl kinematics``: a completely prescribed motion, without integrating."""
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -10,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.console import INTERRUPTED, OTHER_FOLDER, STATUS, say, stop, writing
+from msahl.cli.compiling import computing
+from msahl.cli.console import INTERRUPTED, OTHER_FOLDER, STATUS, say, writing
 from msahl.cli.decks import job_of
-from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
-    from msahl.analysis.kinematics.solution import Motion
     from msahl.results.job import Job
     from msahl.run.report import Report
 
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     default=1,
     help="Compute only every Nth output time, and the last one (default: 1).",
 )
-@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+@quiet_option
 def kinematics(
     deck: Path,
     output: Path | None,
@@ -67,79 +66,49 @@ def kinematics(
     Example: msahl kinematics decks/mechanisms/stewart.xml
     """
     from msahl.analysis.kinematics.solution import options_of
-    from msahl.results.folder import FolderError
-    from msahl.results.lock import FolderInUseError, locked
-    from msahl.start.velocities import StartError
+    from msahl.results.lock import locked
 
     job = job_of(deck, options_of(step, t_final), settings)
     folder = output or Path("results") / f"{deck.stem}_kinematics"
-    try:
-        with writing(folder, OTHER_FOLDER), locked(folder):
-            status = _carry_out(job, folder, every, quiet)
-    except (FolderError, FolderInUseError) as error:
-        stop(printable(str(error)))
-    except StartError as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
-    sys.exit(status)
+    with writing(folder, OTHER_FOLDER), computing(deck, quiet=True), locked(folder):
+        sys.exit(_carry_out(job, folder, every, quiet))
 
 
 def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
     """Compute the motion into the locked folder; returns the exit status."""
-    from msahl.analysis.kinematics.solution import output_times, prepare
+    from msahl.analysis.kinematics.solution import follow, output_times, prepare
+    from msahl.analysis.kinematics.verdict import kinematics_as_json, report_of
+    from msahl.results import session
     from msahl.results.folder import claim
-    from msahl.results.write import RunFolder, write_beginning
 
     began = time.perf_counter()
     prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
     about = _about(job, folder, every)
     work = claim(folder, job.source.path, about)
-    write_beginning(work, {"status": "running", "pid": os.getpid(), **about})
-    results = RunFolder(work, job.model, job.text)
+    results = session.begin(work, job.model, job.text, about)
     times = output_times(job.model, every)
     try:
         with results, _progress(float(times[-1]), not quiet) as progress:
-            from msahl.analysis.kinematics.solution import follow
-
             found = follow(prepared, times, results, progress)
             results.complete = found.complete
     except KeyboardInterrupt:
         say(f"{shown_path(job.source.path)}: interrupted; the tables are not complete")
         return INTERRUPTED
-    return _close(job, folder, work, about, found, time.perf_counter() - began, quiet)
+    report = report_of(found, job.model.simulation.t_final)
+    report.seconds["total"] = time.perf_counter() - began
+    session.end(folder, work, about, {**report.as_json(), "kinematics": kinematics_as_json(found)})
+    _tell(job.source.path, folder if found.complete else work, report, quiet)
+    return STATUS[report.status]
 
 
 def _about(job: "Job", folder: Path, every: int) -> dict[str, Any]:
     """Return the head of ``run.json``, with what the command did in place of a scheme."""
-    from msahl.analysis.kinematics.report import COMMAND, SCHEME, SOLVER
+    from msahl.analysis.kinematics.verdict import COMMAND, SCHEME, SOLVER
 
     about = job.about(folder)
     options = {**about["options"], "scheme": SCHEME, "solver": SOLVER, "every": every}
     options |= dict.fromkeys(("tolerance", "localTolerance", "damping", "rotationUpdate", "degree"))
     return {**about, "command": COMMAND, "options": options}
-
-
-def _close(
-    job: "Job",
-    folder: Path,
-    work: Path,
-    about: dict[str, Any],
-    found: "Motion",
-    seconds: float,
-    quiet: bool,
-) -> int:
-    """Write ``run.json`` and the last messages; returns the exit status."""
-    from msahl.analysis.kinematics.report import kinematics_as_json, report_of
-    from msahl.results.folder import finish, tables
-    from msahl.results.write import INFO, write_json
-
-    report = report_of(found, job.model.simulation.t_final)
-    report.seconds["total"] = seconds
-    content = {**about, "tables": tables(work), **report.as_json()}
-    write_json(work / INFO, {**content, "kinematics": kinematics_as_json(found)})
-    if found.complete:
-        finish(folder)
-    _tell(job.source.path, folder if found.complete else work, report, quiet)
-    return STATUS[report.status]
 
 
 def _tell(deck: Path, folder: Path, report: "Report", quiet: bool) -> None:

@@ -1,19 +1,14 @@
 """The command ``msahl linearize``: a deck's model as matrices A, B, C, D."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_CONVERGED, say, stop, writing
+from msahl.cli.compiling import computing
+from msahl.cli.console import print_report, writing
 from msahl.cli.decks import model_to_run
-from msahl.cli.options import DECK, at_option, set_option
-from msahl.printable import printable, shown_path
-from msahl.terminal import echo
-
-if TYPE_CHECKING:
-    from msahl.analysis.linear_models.model import LinearModel
+from msahl.cli.options import DECK, at_option, quiet_option, set_option
 
 
 @click.command(short_help="Linearise a deck's model for control.")
@@ -49,7 +44,7 @@ if TYPE_CHECKING:
     help="Write matrices, names, units and values to this file: .npz, .mat or .json.",
 )
 @set_option
-@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+@quiet_option
 def linearize(
     deck: Path,
     inputs: tuple[str, ...],
@@ -69,35 +64,17 @@ def linearize(
     Example: msahl linearize decks/machines/cart_pole.xml --input Motor --output Slide.slide
     """
     model = model_to_run(deck, {}, settings)
-    from msahl.analysis.equilibria.at import NoEquilibriumError, point_at
+    from msahl.analysis.equilibria.at import point_at
     from msahl.analysis.linear_models.files import check_suffix
     from msahl.analysis.linear_models.linearize import linearize as linearized
-    from msahl.analysis.linear_models.report import report
-    from msahl.jit.progress import CompileError
-    from msahl.run.options import OptionError
-    from msahl.start.velocities import StartError
+    from msahl.analysis.linear_models.model_lines import report
 
-    try:
+    with computing(deck, quiet):
         if file is not None:
             check_suffix(file)
-        with announced(not quiet):
-            found = linearized(point_at(model, wanted["at"]), inputs, outputs, wanted["states"])
-    except OptionError as error:
-        stop("\n".join(f"{shown_path(deck)}: {printable(fault)}" for fault in error.faults))
-    except NoEquilibriumError as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}", NOT_CONVERGED)
-    except (StartError, CompileError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
-    for warning in found.warnings:
-        say(f"WARN: {printable(warning)}")
-    if not quiet:
-        echo("\n".join(printable(line) for line in report(found)))
+        found = linearized(point_at(model, wanted["at"]), inputs, outputs, wanted["states"])
+    print_report(lambda: report(found), found.warnings, quiet)
     if file is not None:
-        _write(file, found)
-
-
-def _write(file: Path, found: "LinearModel") -> None:
-    """Write the matrices to the ``file``."""
-    with writing(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        found.save(file)
+        with writing(file):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            found.save(file)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_CONVERGED, say, stop, writing
+from msahl.cli.compiling import computing
+from msahl.cli.console import print_report, say, writing
 from msahl.cli.decks import model_to_run
-from msahl.cli.options import DECK, NumberType, at_option, output_option, set_option
-from msahl.printable import printable, shown_path
+from msahl.cli.options import DECK, NumberType, at_option, output_option, quiet_option, set_option
+from msahl.printable import shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Also write modes.html into the folder of -o: the modes in motion, in three dimensions.",
 )
-@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+@quiet_option
 def modes(
     deck: Path,
     output: Path | None,
@@ -95,15 +95,19 @@ def modes(
 
         modes_over(deck, output, settings, at, quiet, wanted)
         return
-    point, found = _modes(deck, settings, at, quiet, wanted)
-    for warning in found.warnings:
-        say(f"WARN: {printable(warning)}")
-    if not quiet:
-        from msahl.analysis.modes.report import report
+    model = model_to_run(deck, {}, settings)
+    from msahl.analysis.equilibria.at import point_at
+    from msahl.analysis.modes.files import write_modes
+    from msahl.analysis.modes.mode_lines import report
+    from msahl.analysis.modes.solution import modes as modes_of
 
-        echo("\n".join(report(point, found)))
+    with computing(deck, quiet):
+        point = point_at(model, at)
+        found = modes_of(point, wanted["number"], wanted["near"], wanted["method"])
+    print_report(lambda: report(point, found), found.warnings, quiet)
     if output is not None:
-        _write(output, point, found)
+        with writing(output):
+            write_modes(output, point, found)
         if wanted["has_page"]:
             _write_page(output, point, found, deck)
 
@@ -115,34 +119,6 @@ def _contradiction(output: Path | None, wanted: Mapping[str, Any]) -> str:
     if wanted["has_page"] and wanted["over"]:
         return "--page shows the modes at one value; omit --over"
     return "--page needs a folder: -o DIR" if wanted["has_page"] and output is None else ""
-
-
-def _modes(
-    deck: Path, settings: tuple[str, ...], at: "float | str", quiet: bool, wanted: Mapping[str, Any]
-) -> tuple["Point", "Modes"]:
-    """Return the point at which the model is linearised, and its modes."""
-    model = model_to_run(deck, {}, settings)
-    from msahl.analysis.equilibria.at import NoEquilibriumError, point_at
-    from msahl.analysis.modes.solution import modes as modes_of
-    from msahl.jit.progress import CompileError
-    from msahl.start.velocities import StartError
-
-    try:
-        with announced(not quiet):
-            point = point_at(model, at)
-            return point, modes_of(point, wanted["number"], wanted["near"], wanted["method"])
-    except NoEquilibriumError as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}", NOT_CONVERGED)
-    except (StartError, CompileError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
-
-
-def _write(folder: Path, point: "Point", found: "Modes") -> None:
-    """Write modes.csv and shapes.csv into the ``folder``."""
-    from msahl.analysis.modes.files import write_modes
-
-    with writing(folder):
-        write_modes(folder, point, found)
 
 
 def _write_page(folder: Path, point: "Point", found: "Modes", deck: Path) -> None:

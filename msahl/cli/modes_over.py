@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from msahl.cli.compiling import announced
-from msahl.cli.console import say, stop, writing
+from msahl.cli.compiling import computing
+from msahl.cli.console import print_report, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.printable import printable, shown_path
-from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.analysis.modes.campbell import Campbell
-    from msahl.analysis.modes.files import Over
     from msahl.sweep.axes import Axis
 
 MOST_VALUES = 100_000
@@ -35,11 +32,10 @@ def modes_over(
     from msahl.analysis.equilibria.at import point_at
     from msahl.analysis.linearised.point import Point
     from msahl.analysis.modes.campbell import campbell
-    from msahl.analysis.modes.campbell_report import report, warnings
-    from msahl.analysis.modes.files import Over, orders_of
+    from msahl.analysis.modes.campbell_lines import report, warnings
+    from msahl.analysis.modes.files import Over, orders_of, write_campbell
     from msahl.analysis.modes.following import Request
-    from msahl.deck import DeckError, ParsedDeck, Source
-    from msahl.jit.progress import CompileError
+    from msahl.deck import ParsedDeck, Source
 
     parsed = ParsedDeck(Source.of_file(deck))
     name, unit = axis.column.name, _unit(deck, settings, axis)
@@ -54,20 +50,15 @@ def modes_over(
         return point_at(parsed.model((*settings, axis.column.setting(repr(value)))), at)
 
     request = Request(wanted["number"], wanted["near"], wanted["method"])
-    try:
-        with announced(not quiet):
-            found = campbell(point_of, values, request, over.orders, over.speed or 1.0)
-    except (CompileError, DeckError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
-    for warning in warnings(found, over):
-        say(f"WARN: {printable(warning)}")
-    if not found.followed.spectra:
+    with computing(deck, quiet):
+        found = campbell(point_of, values, request, over.orders, over.speed or 1.0)
+    known, title = bool(found.followed.spectra), model.simulation.title
+    print_report(lambda: report(found, over, title), warnings(found, over), quiet or not known)
+    if not known:
         stop(f"{shown_path(deck)}: no modes at any value of {printable(name)}")
-    title = model.simulation.title
-    if not quiet:
-        echo("\n".join(map(printable, report(found, over, title))))
     if output is not None:
-        _write(output, found, over, title)
+        with writing(output):
+            write_campbell(output, found, over, title)
 
 
 def _axis(text: str) -> tuple["Axis", list[float]]:
@@ -107,11 +98,3 @@ def _unit(deck: Path, settings: tuple[str, ...], axis: "Axis") -> str:
     expanded = Source.of_file(deck).text({}, (*settings, axis.column.setting(axis.cells[0])))
     unit = str(listed_parameters(expanded).get(axis.column.name, {}).get("units", ""))
     return "" if unit == "1" else unit
-
-
-def _write(folder: Path, found: "Campbell", over: "Over", title: str) -> None:
-    """Write the tables into the ``folder``."""
-    from msahl.analysis.modes.files import write_campbell
-
-    with writing(folder):
-        write_campbell(folder, found, over, title)

@@ -79,6 +79,13 @@ def output_option(default: str) -> Callable[[Command], Command]:
     )
 
 
+def quiet_option(command: Command) -> Command:
+    """Add the option that prints only faults and warnings."""
+    return click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")(
+        command
+    )
+
+
 def set_option(command: Command) -> Command:
     """Add the option that changes numbers of the deck."""
     return click.option(

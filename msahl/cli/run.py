@@ -1,6 +1,5 @@
 """The command ``msahl run``: run a deck and write its results."""
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -14,10 +13,20 @@ import click
 
 from msahl.cli.command_line import typed_command
 from msahl.cli.compiling import announced
-from msahl.cli.console import BAD_VERDICT, NOT_CONVERGED, NOT_WRITTEN, STATUS, say, stop
+from msahl.cli.console import (
+    BAD_INPUT,
+    BAD_VERDICT,
+    NOT_CONVERGED,
+    NOT_WRITTEN,
+    OTHER_FOLDER,
+    STATUS,
+    say,
+    stop,
+    writing,
+)
 from msahl.cli.decks import job_to_run
+from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
-from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
@@ -93,20 +102,15 @@ def run(
     task = make_task(deck, folder, given, changed, resume, quiet)
     gradients = _gradients(task, measures, wrt, resume) if measures or wrt else None
     from msahl.jit.progress import CompileError
-    from msahl.results.folder import FolderError
-    from msahl.results.lock import FolderInUseError, locked
+    from msahl.results.lock import locked
     from msahl.run.snapshot import ResumeError
 
+    if resume and not task.folder.is_dir():
+        stop(f"{shown_path(task.folder)}: no run to resume; omit --resume to start it")
     try:
-        if resume and not task.folder.is_dir():
-            where = shown_path(task.folder)
-            raise ResumeError(f"{where}: no run to resume; omit --resume to start it")
-        with locked(task.folder):
+        with writing(task.folder, OTHER_FOLDER, BAD_INPUT), locked(task.folder):
             status = carry_out(task, resume, strict, Talk(quiet, verbose), gradients)
-    except OSError as error:
-        where = shown_path(error.filename or task.folder)
-        stop(f"{where}: {error.strerror or error}; choose another folder with -o")
-    except (CompileError, FolderError, FolderInUseError, ResumeError) as error:
+    except (CompileError, ResumeError) as error:
         stop(printable(str(error)))
     except MemoryError:
         message = "the model needs more memory than there is; make its subsystems smaller"
@@ -180,15 +184,15 @@ def carry_out(
     gradients: "GradientsOfRun | None" = None,
 ) -> int:
     """Make the run, or resume it, in the locked folder; the exit status."""
-    begun = _begin(task, resume)
-    if begun is None:
+    started = _begin(task, resume)
+    if started is None:
         say(f"{shown_path(task.deck)}: the run in {shown_path(task.folder)} is complete")
         return 0
     with stoppable() as stopped:
-        report = _simulate(task, *begun, stopped, talk, gradients)
+        report = _simulate(task, *started, stopped, talk, gradients)
         if gradients and report.status == "completed":
             gradients.compute(report)
-        status = _close(task, begun[0], report, stopped, talk, gradients)
+        status = _close(task, started[0], report, stopped, talk, gradients)
         if gradients and gradients.found is None:
             status = status or NOT_CONVERGED
         return status or _status_of_verdict(report, strict)
@@ -219,13 +223,14 @@ def _simulate(
     gradients: "GradientsOfRun | None",
 ) -> "Report":
     """Run into the folder ``work``; the report covers faults of the start and of the disk."""
+    from msahl.results import session
     from msahl.results.checkpoint import Checkpoint, write_checkpoint
-    from msahl.results.write import RunFolder, write_beginning
     from msahl.run import loop
     from msahl.run.messages import not_written
     from msahl.run.report import COMPLETED, INTERRUPTED, NOT_STARTED, report_without_steps
     from msahl.run.report import NOT_WRITTEN as UNWRITTEN
     from msahl.run.snapshot import Snapshot
+    from msahl.run.tables import BothSinks
     from msahl.start.velocities import StartError
 
     def save(snapshot: Snapshot) -> None:
@@ -234,13 +239,12 @@ def _simulate(
 
     job = task.job
     ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
-    write_beginning(work, {"status": "running", "pid": os.getpid(), **task.about})
-    results = RunFolder(work, job.model, job.text, ends)
+    results = session.begin(work, job.model, job.text, task.about, ends)
     try:
         with results, announced(not talk.quiet), _progress(job.model, not talk.quiet) as progress:
             tell = (lambda message: None) if talk.quiet else say
             accepted = gradients.record.add if gradients else None
-            sink = gradients.beside(results) if gradients else results
+            sink = BothSinks(results, gradients.memory) if gradients else results
             hooks = loop.Hooks(progress, stopped, tell, save, accepted)
             report = loop.run(job.model, job.options, sink, hooks, snapshot, checked=True)
             set_alarm(0.0)  # what ends the run now must not be interrupted
@@ -263,9 +267,9 @@ def _close(
     gradients: "GradientsOfRun | None",
 ) -> int:
     """End a run, however it went: ``run.json``, the last messages, the exit status."""
-    from msahl.results.checkpoint import has_checkpoint, remove_checkpoint
-    from msahl.results.folder import finish, tables
-    from msahl.results.write import INFO, write_json
+    from msahl.results import session
+    from msahl.results.checkpoint import has_checkpoint
+    from msahl.results.write import INFO
 
     report.seconds["total"] = time.perf_counter() - STARTED
     if report.status in ("interrupted", "not written"):
@@ -276,11 +280,7 @@ def _close(
     status, complete = STATUS[report.status], report.status == "completed"
     try:
         derivatives = gradients.write(work) if gradients else {}
-        told = {"tables": tables(work), **report.as_json(), **derivatives}
-        write_json(work / INFO, {**task.about, **told})
-        if complete:
-            remove_checkpoint(work)
-            finish(task.folder)
+        session.end(task.folder, work, task.about, {**report.as_json(), **derivatives})
     except OSError as error:
         say(f"{shown_path(error.filename or work / INFO)}: {error.strerror or error}")
         status = NOT_WRITTEN if complete else status

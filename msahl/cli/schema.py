@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from msahl.cli.console import NOT_WRITTEN, stop
+from msahl.cli.console import writing
 from msahl.cli.options import FolderType
 from msahl.deck.schema import SCHEMA_NAME
 from msahl.printable import shown_path
@@ -23,12 +23,9 @@ def schema(copy: Path | None) -> None:
     """
     source = Path(str(folder("schemas").joinpath(SCHEMA_NAME)))
     path = source if copy is None else copy / SCHEMA_NAME
-    try:
+    with writing(path, "choose another folder"):
         if copy is not None:
             copy.mkdir(parents=True, exist_ok=True)
             if not path.exists() or not path.samefile(source):
                 shutil.copyfile(source, path)
-    except OSError as error:
-        reason = error.strerror or error
-        stop(f"{shown_path(error.filename or path)}: {reason}; choose another folder", NOT_WRITTEN)
     echo(shown_path(path))

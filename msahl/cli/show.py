@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msahl.cli.console import BAD_INPUT, say, stop
+from msahl.cli.console import BAD_INPUT, say, stop, writing
+from msahl.cli.interruption import stoppable
 from msahl.cli.options import DECK, set_option
-from msahl.cli.signals import stoppable
 from msahl.printable import shown_path
 from msahl.terminal import echo
 
@@ -70,11 +70,9 @@ def show(
     if not deck.exists():
         stop("\n".join(map(str, page.faults)))
     path = output or Path("results") / f"{deck.stem}.html"
-    try:
+    with writing(path, status=BAD_INPUT):
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, page.html.encode())
-    except OSError as error:
-        stop(f"{shown_path(error.filename or path)}: {error.strerror or error}")
     _tell(deck, page)
     echo(str(path))
     if is_opened:

@@ -4,16 +4,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
+from msahl.cli.console import BAD_INPUT, NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import model_to_run
+from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, set_option
-from msahl.cli.signals import Interruption, stoppable
 from msahl.model.scheme import AUTO, choices
 from msahl.printable import shown_path
 from msahl.terminal import echo
@@ -33,30 +33,14 @@ METRIC_KEYS = (
 )
 
 
+SPACE = f"free some disk space, or {OTHER_FOLDER}"
+"""Remedy for results that cannot be written."""
 START_SECONDS = 0.2
 """Time that Python takes to start the command [s]."""
 WRITING_SECONDS = 2.4
 """Time reserved for drawing and writing the report, and for ending [s]."""
 COMMAND_SECONDS = 1.6
 """Time reserved for running the recommended command and the deck's own [s]."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What the user asked for: the deck, the end if it is not the deck's [s], and the plan's
-    choices.
-    """
-
-    deck: Path
-    t_final: float | None
-    budget: float
-    steps: tuple[float, ...]
-    schemes: tuple[str, ...]
-    reference: str
-    repeat: int | None
-    target: float
-    metric: str
-    settings: tuple[str, ...]
 
 
 @click.command(short_help="Compare schemes and step sizes on a deck.")
@@ -74,7 +58,7 @@ class Request:
               help="Choose the true values: 'independent' (another integrator), the folder of a "
               "run, or 'auto': independent or, where that takes too long, msahl's own runs with "
               "small steps.")  # fmt: skip
-@click.option("--repeat", type=click.IntRange(min=1), metavar="N",
+@click.option("--repeat", "repeats", type=click.IntRange(min=1), metavar="N",
               help="Run each case N times and take the shortest time (default: 3 with --dt, else "
               "as often as there is time for).")  # fmt: skip
 @click.option("--target", type=NumberType(min=0.0, min_open=True), default=1e-6,
@@ -105,19 +89,18 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
     if over:
         _study_elements(deck, given, output)
         return
-    folder, request = output or Path("studies") / deck.stem, Request(deck, **given)
+    folder = output or Path("studies") / deck.stem
     try:
-        plan = _plan(request)
-        folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
-        result, stopped = _carry_out(plan, request, entered)
+        with writing(folder, SPACE, BAD_INPUT):
+            plan = _plan(deck, given)
+            folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
+            result, stopped = _carry_out(plan, deck, given, entered)
     except DeckError as error:
         stop("\n".join(map(str, error.faults)))
     except ResultError as error:
         stop(f"msahl study: {error}")
     except StartError as error:
         stop(f"{shown_path(deck)}: {error}")
-    except OSError as error:
-        stop(_not_written(error, folder))
     _write(result, stopped, deck, folder)
 
 
@@ -130,7 +113,7 @@ def _study_elements(deck: Path, given: dict[str, Any], output: Path | None) -> N
     from msahl.start.velocities import StartError
     from msahl.study.elements import space_error
 
-    unused = [name for name in ("steps", "schemes", "repeat") if given[name]]
+    unused = [name for name in ("steps", "schemes", "repeats") if given[name]]
     if unused or output is not None:
         stop("--over elements runs the deck as it is: omit -o, --dt, --scheme and --repeat")
 
@@ -153,50 +136,44 @@ def _study_elements(deck: Path, given: dict[str, Any], output: Path | None) -> N
         echo(line)
 
 
-def _plan(request: Request) -> "Plan":
+def _plan(deck: Path, given: dict[str, Any]) -> "Plan":
     """The plan of the study; raises ``ResultError`` if the options do not fit together."""
     from msahl.deck import check_simulation
     from msahl.results.read import ResultError
     from msahl.study.plan import Plan
 
-    model, steps = model_to_run(request.deck, {}, request.settings), request.steps
+    model, steps = model_to_run(deck, {}, given["settings"]), given["steps"]
     model = replace(model, stops=())  # runs that are compared have the same end
-    if request.t_final is not None:
-        model = replace(model, simulation=replace(model.simulation, t_final=request.t_final))
+    if given["t_final"] is not None:
+        model = replace(model, simulation=replace(model.simulation, t_final=given["t_final"]))
     cases = [replace(model.simulation, dt=step) for step in steps or (model.simulation.dt,)]
     faults = [fault for simulation in cases for fault in check_simulation(simulation)]
     if faults:
         raise ResultError("\n".join(faults))
-    if steps and set(request.schemes) == {AUTO}:
+    if steps and set(given["schemes"]) == {AUTO}:
         raise ResultError(
             f"--dt: the scheme {AUTO} chooses its step size; name another --scheme, or omit --dt"
         )
-    return Plan(
-        model,
-        steps,
-        request.schemes,
-        request.reference,
-        request.repeat,
-        request.target,
-        request.metric,
-        request.budget,
-    )
+    names = ("steps", "schemes", "reference", "repeats", "target", "metric", "budget")
+    return Plan(model, **{name: given[name] for name in names})
 
 
-def _carry_out(plan: "Plan", request: Request, entered: float) -> "tuple[Study, Interruption]":
+def _carry_out(
+    plan: "Plan", deck: Path, given: dict[str, Any], entered: float
+) -> "tuple[Study, Interruption]":
     """Make the runs; ``entered`` is the time of the clock when the command was called [s]."""
     from msahl.jit.compiled import working_clock
     from msahl.study.study import find_reference
     from msahl.study.study import study as run_study
 
     began = working_clock() - (time.perf_counter() - entered) - START_SECONDS
-    until = began + request.budget - WRITING_SECONDS
-    with stoppable() as stopped, _shown(request, began) as (tell, progress):
+    until = began + plan.budget - WRITING_SECONDS
+    with stoppable() as stopped, _shown(deck, plan.budget, began) as (tell, progress):
         progress("reference")
         known = find_reference(plan)
         result = run_study(plan, progress, stopped, known, tell, until - COMMAND_SECONDS)
         result = replace(
-            result, deck=str(request.deck), given_end=request.t_final, settings=request.settings
+            result, deck=str(deck), given_end=given["t_final"], settings=given["settings"]
         )
         _time_commands(result, stopped, until, progress)
     return result, stopped
@@ -204,7 +181,7 @@ def _carry_out(plan: "Plan", request: Request, entered: float) -> "tuple[Study, 
 
 def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> None:
     """Write the report, and end the program with the status of the study."""
-    from msahl.study.report import recommendation, write_study
+    from msahl.study.page import recommendation, write_study
 
     if not result.runs and not stopped.signal:
         stop(
@@ -215,11 +192,9 @@ def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> 
     if not result.runs:
         say(f"{shown_path(deck)}: stopped before a run had ended; nothing was written")
         sys.exit(128 + stopped.signal)
-    try:
+    with writing(folder, SPACE):
         for path in write_study(result, folder):
             echo(str(path))
-    except OSError as error:
-        stop(_not_written(error, folder), NOT_WRITTEN)
     say(f"{shown_path(deck)}: {recommendation(result)}")
     if stopped.signal:
         say(f"{shown_path(deck)}: stopped; the report contains the runs that had ended")
@@ -246,15 +221,9 @@ def _time_commands(
             result.commands[point.trial.case] = made
 
 
-def _not_written(error: OSError, folder: Path) -> str:
-    where = error.filename or folder
-    reason = error.strerror or error
-    return f"{where}: {reason}; free some disk space, or choose another folder with -o"
-
-
 @contextmanager
 def _shown(
-    request: Request, began: float
+    deck: Path, budget: float, began: float
 ) -> Iterator[tuple[Callable[[str], Any], Callable[[str], Any]]]:
     """Functions that report finished curves and each run: a progress bar of the time on a
     terminal, elsewhere lines.
@@ -262,21 +231,21 @@ def _shown(
     from msahl.jit.compiled import STOPWATCH, working_clock
 
     def tell(line: str) -> None:
-        echo(f"{shown_path(request.deck)}: {line}", err=True)
+        echo(f"{shown_path(deck)}: {line}", err=True)
 
     def compiling() -> None:
-        if not told:
-            told.append(True)
+        if not announced:
+            announced.append(True)
             tell("compiling kernels for this kind of model (once; this may take minutes)")
 
-    told: list[bool] = []
+    announced: list[bool] = []
     STOPWATCH.tell = compiling
     try:
         if not sys.stderr.isatty():
             yield tell, lambda words: None
             return
         bar: Any = click.progressbar(
-            length=round(10 * request.budget),
+            length=round(10 * budget),
             label="studying",
             file=sys.stderr,
             item_show_func=lambda words: words or "",

@@ -13,8 +13,8 @@ import click
 
 from msahl.cli.command_line import typed_command
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, say, stop
+from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, run_options
-from msahl.cli.signals import Interruption, stoppable
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -85,7 +85,8 @@ REPORT = 30.0
               help="Set the time in seconds after which a point has failed; compiling is not "
               "counted (default: none).")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1, max=1024), metavar="N",
-              help="Set the number of processes (default: the number of cores).")  # fmt: skip
+              help="Set the number of processes (default, and at most: the number of "
+              "cores).")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS",
               help="Run the points on the workers of this Dask scheduler, such as "
               "tcp://host:8786, or of the one that writes this file.")  # fmt: skip
@@ -221,6 +222,7 @@ class Request:
 
     def scheduler(self, made: "Sweep", compiling: Callable[[], Any]) -> "Scheduler":
         """What runs the points; raises ``PlanError`` if options exclude each other."""
+        from msahl.subprocesses import cores
         from msahl.sweep.faults import PlanError
         from msahl.sweep.pool import Pool
         from msahl.sweep.work import Nobody
@@ -258,13 +260,6 @@ def carry_out(request: Request) -> int:
             return 128 + (stopped.signal or 2)
         progress.end()
     return conclude(request, counts, stopped)
-
-
-def cores() -> int:
-    """The number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def conclude(request: Request, counts: "Counts", stopped: Interruption) -> int:
@@ -362,9 +357,9 @@ class Progress:
         if self.quiet:
             return
         say(describe_plan(self.sweep.plan))
-        if work.begun:
-            say(f"{work.begun} of them are done already, {work.left} remain")
-        self.before = work.begun
+        if work.done_before:
+            say(f"{work.done_before} of them are done already, {work.left} remain")
+        self.before = work.done_before
         self.began_at = self.told_at = time.monotonic()
 
     def compiling(self) -> None:

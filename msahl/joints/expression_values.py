@@ -8,7 +8,7 @@ markers   x y z, vx vy vz (inertial axes), q0 q1 q2 q3 (Euler parameters, q0 >= 
 
 from collections.abc import Mapping
 
-from msahl.elements.signals import POSITION, QUATERNION, SPIN, VELOCITY
+from msahl.elements.signals.group import POSITION, QUATERNION, SPIN, VELOCITY
 from msahl.joints.registry import KINDS
 
 RATE = "Rate"

@@ -24,7 +24,7 @@ from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.constraints.scalar import ScalarWorkspace
 from msahl.elements.frames import Frames
-from msahl.elements.signals import SignalsWorkspace
+from msahl.elements.signals.group import SignalsWorkspace
 from msahl.jit.kernel import optional
 
 

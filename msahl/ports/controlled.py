@@ -13,7 +13,7 @@ import numpy as np
 from msahl.algebra.vector import at, matrix_at, put, scale, times
 from msahl.elements.constraints.products import Q_A, U_A
 from msahl.elements.frames import Frames, FramesWorkspace, mean
-from msahl.elements.signals import SignalsWorkspace
+from msahl.elements.signals.group import SignalsWorkspace
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import concentrated
 from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace, moment

@@ -29,14 +29,15 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements import signals
 from msahl.elements.constraints import coordinate_jacobians, coordinates
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
 from msahl.elements.constraints.scalar import rates as scalar_rates
 from msahl.elements.frames import Frames, FramesWorkspace
-from msahl.elements.signals import Signals, SignalsWorkspace
+from msahl.elements.signals import group as signals
+from msahl.elements.signals import inputs, results
+from msahl.elements.signals.group import Signals, SignalsWorkspace
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import (
     actuator,
@@ -206,7 +207,9 @@ def add_derivatives(
     motion = start.motion
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
     point.add_derivatives(forces.point, start.point, frames, motion, out.by_place, out.by_rate)
-    _differentiate_signals(forces.signals, start, scalar, frames, out)
+    inputs.differentiate(
+        forces.signals, start.signals, frames, start.motion, scalar, start.place, out
+    )
     controlled.add_derivatives(forces.controlled, start.controlled, frames, out.by_place)
     _add_slopes(forces.signals, forces, start, scalar, frames, out)
     if scalar is None:
@@ -423,7 +426,7 @@ def mean_residual(
     )
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     point.mean_residual(forces.point, start.point, frames, h, dt2, Z, F)
-    signals.refuse_over_step(forces.signals, start.signals, F)
+    results.refuse_over_step(forces.signals, start.signals, F)
 
 
 @kernel
@@ -440,7 +443,7 @@ def mean_jacobian(
     ``scalar.joint_jacobian`` at the same ``Z``.
     """
     h, dt2 = step
-    _differentiate_signals_over_step(forces.signals, start, scalar, frames, h, Z)
+    inputs.differentiate_over_step(forces.signals, start.signals, frames, scalar, start.place, h, Z)
     if scalar is not None:
         q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
@@ -504,9 +507,9 @@ def _add_mean_slopes(
     """Add the derivatives of the signals' results over a step, times what they act on."""
     own = start.signals
     for r in range(group.result.size):
-        signals.set_gradient(group, own, r)
+        results.set_gradient(group, own, r)
         set_result_row(forces, start, scalar, frames, factor, r, own.row)
-        signals.add_rows(group, own.row, r, own.gradient, values)
+        results.add_rows(group, own.row, r, own.gradient, values)
 
 
 @optional()
@@ -523,10 +526,10 @@ def _add_slopes(
     """
     own = start.signals
     for r in range(group.result.size):
-        signals.set_gradient(group, own, r)
+        results.set_gradient(group, own, r)
         set_result_row(forces, start, scalar, frames, 1.0, r, own.row)
-        signals.add_rows(group, own.row, r, own.gradient, out.by_place)
-        signals.add_rows(group, own.row, r, own.gradient_rate, out.by_rate)
+        results.add_rows(group, own.row, r, own.gradient, out.by_place)
+        results.add_rows(group, own.row, r, own.gradient_rate, out.by_rate)
 
 
 @optional()
@@ -541,8 +544,7 @@ def set_signal_inputs(
     motion.
     """
     scalar_rates(scalar, start.place, frames, start.motion, still)
-    signals.set_inputs(group, start.signals, start.motion)
-    signals.set_coordinates(scalar, group, start.signals, start.place)
+    inputs.set_inputs(group, start.signals, start.motion, scalar, start.place)
 
 
 @optional()
@@ -551,8 +553,7 @@ def set_prepared_inputs(
 ) -> None:
     """Set the inputs of the signals at the prepared configuration."""
     _set_rates(scalar, start.place, start.motion)
-    signals.set_inputs(group, start.signals, start.motion)
-    signals.set_coordinates(scalar, group, start.signals, start.place)
+    inputs.set_inputs(group, start.signals, start.motion, scalar, start.place)
 
 
 @optional()
@@ -565,7 +566,7 @@ def differentiate_signal_inputs(
 ) -> None:
     """Set the derivatives of the signals' inputs, after ``set_signal_inputs``."""
     scalar_differentiate(scalar, start.place, frames, out.still)
-    _differentiate_signals(group, start, scalar, frames, out)
+    inputs.differentiate(group, start.signals, frames, start.motion, scalar, start.place, out)
 
 
 @optional()
@@ -573,24 +574,8 @@ def _evaluate_signals(
     group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
 ) -> None:
     """Set the signals' results at one configuration, after ``scalar.rates``."""
-    signals.set_inputs(group, start.signals, start.motion)
-    signals.set_coordinates(scalar, group, start.signals, start.place)
-    signals.evaluate(group, start.signals)
-
-
-@optional()
-def _differentiate_signals(
-    group: Signals,
-    start: ForcesWorkspace,
-    scalar: ScalarConstraints | None,
-    frames: Frames,
-    out: Derivatives,
-) -> None:
-    """Set the derivatives of the signals' inputs at one configuration."""
-    signals.differentiate(group, start.signals, frames, start.motion)
-    signals.differentiate_coordinates(
-        scalar, group, start.signals, start.place, frames, start.motion, out
-    )
+    inputs.set_inputs(group, start.signals, start.motion, scalar, start.place)
+    results.evaluate(group, start.signals)
 
 
 @optional()
@@ -603,23 +588,8 @@ def _evaluate_signals_over_step(
     Z: np.ndarray,
 ) -> None:
     """Set the signals' results over a step, after ``scalar.residual``."""
-    signals.set_inputs_over_step(group, start.signals, frames, h, Z)
-    signals.set_coordinates_over_step(scalar, group, start.signals, start.place, h)
-    signals.evaluate_over_step(group, start.signals, h)
-
-
-@optional()
-def _differentiate_signals_over_step(
-    group: Signals,
-    start: ForcesWorkspace,
-    scalar: ScalarConstraints | None,
-    frames: Frames,
-    h: float,
-    Z: np.ndarray,
-) -> None:
-    """Set the derivatives of the signals' inputs by the unknowns of a step."""
-    signals.differentiate_over_step(group, start.signals, frames, h, Z)
-    signals.differentiate_coordinates_over_step(scalar, group, start.signals, start.place, h)
+    inputs.set_inputs_over_step(group, start.signals, frames, scalar, start.place, h, Z)
+    results.evaluate_over_step(group, start.signals, h)
 
 
 @optional()
@@ -635,8 +605,8 @@ def publish_signals(
     the actuators.
     """
     set_prepared_inputs(group, start, scalar)
-    signals.evaluate(group, start.signals)
-    signals.publish(group, start.signals, table, row)
+    results.evaluate(group, start.signals)
+    results.publish(group, start.signals, table, row)
     actuator.publish_power(actuators, start.signals, start.place, table, row)
 
 
@@ -646,7 +616,7 @@ def set_expressions(
 ) -> None:
     """Evaluate all expressions at the prepared configuration."""
     set_prepared_inputs(group, start, scalar)
-    signals.evaluate(group, start.signals)
+    results.evaluate(group, start.signals)
 
 
 @optional(0.0)
@@ -665,7 +635,7 @@ def margin_of_stops(
     if group.stop.size == 0:
         return -1.0
     set_expressions(group, start, scalar)
-    return signals.largest_margin(group, start.signals)
+    return results.largest_margin(group, start.signals)
 
 
 @optional()

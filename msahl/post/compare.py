@@ -17,8 +17,9 @@ import pandas as pd
 
 from msahl.post.tolerance import Tolerance
 from msahl.printable import shown_path
+from msahl.results.folder import find
 from msahl.results.info import ResultError, read_info
-from msahl.results.read import check_rows, find_table, read_table, wrong_count
+from msahl.results.read import check_rows, read_table, wrong_count
 from msahl.results.write import PART
 
 SAME_TIME = 1e-9
@@ -100,15 +101,15 @@ def _pairs(run: Path, reference: Path) -> list[tuple[str, Path, Path]]:
         return [(_name(reference), path, reference)]
     if not run.is_dir():
         return [(_name(run), run, _table_of(reference, _name(run)))]
-    names = [name for name in TABLES if find_table(reference, name)]
+    names = [name for name in TABLES if find(reference, name)]
     if not names:
         raise ResultError(f"{reference}: contains none of the tables {', '.join(TABLES)}")
-    extra = [name for name in TABLES if find_table(run, name) and name not in names]
+    extra = [name for name in TABLES if find(run, name) and name not in names]
     if extra:
         raise ResultError(
             f"{reference}: has no {extra[0]}, which {run} has; compare single CSV files instead"
         )
-    names += [name for name in OBSERVED if find_table(run, name) and find_table(reference, name)]
+    names += [name for name in OBSERVED if find(run, name) and find(reference, name)]
     return [(name, _table_of(run, name), _table_of(reference, name)) for name in names]
 
 
@@ -117,7 +118,7 @@ def _name(path: Path) -> str:
 
 
 def _table_of(folder: Path, name: str) -> Path:
-    path = find_table(folder, name)
+    path = find(folder, name)
     if path is None:
         raise ResultError(f"{shown_path(folder)}: has no {name} to compare")
     return path

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 from msahl.deck import DeckError
 from msahl.post.table import Cell, Column, Table
 from msahl.printable import shown_path
-from msahl.results.read import ResultError, find_table, read_info, read_run
+from msahl.results.folder import find
+from msahl.results.read import ResultError, read_info, read_run
 from msahl.run.verdict import FAIL
 
 COLUMNS = (
@@ -39,7 +40,7 @@ def read_verdict(folder: Path) -> RunVerdict:
     Raises ``ResultError`` if there is no run, or its program version wrote no verdicts.
     """
     info = read_info(folder)
-    if not info and find_table(folder, "states.csv"):
+    if not info and find(folder, "states.csv"):
         reason = "no run.json: the run was killed; run the deck again"
         return RunVerdict(folder, FAIL, [reason], info)
     if "verdict" not in info:

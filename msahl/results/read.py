@@ -17,7 +17,7 @@ from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, PART, file_name
 from msahl.run.tables import ERROR, ERROR_COLUMNS, REACTIONS, STATES, WORK, tables_of_model
 
-__all__ = ["ResultError", "Run", "find_table", "read_info", "read_run", "read_table"]
+__all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
 
 STATES_FILE, ERROR_FILE = file_name(STATES), file_name(ERROR)
 LONGEST = 40
@@ -53,11 +53,11 @@ class Run:
         A killed run has no ``run.json`` to say so; then it follows from the output times.
         """
         options, dt = self.info.get("options", {}), self.model.simulation.dt
-        told = options.get("every")
-        if told is not None or len(self.time) < 2:
+        every = options.get("every")
+        if every is not None or len(self.time) < 2:
             degree = resolve(self.model.simulation).degree
             interval = None if degree else options.get("outputInterval")
-            return int(told or 1) * max(1, round((interval or dt) / dt))
+            return int(every or 1) * max(1, round((interval or dt) / dt))
         spacing = float(self.time[1] - self.time[0])
         return max(1, round(spacing / dt))
 
@@ -77,13 +77,9 @@ def read_run(folder: Path) -> Run:
 
     Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
     """
-    deck = find(folder, DECK)
-    if deck is None:
-        message = "not the folder of a run (no deck.xml); make one: msahl run"
-        raise ResultError(f"{shown_path(folder)}: {message}")
-    model, info = read_deck(deck), read_info(folder)
+    model, info = read_model(folder), read_info(folder)
     columns = {file_name(name): head for name, head in tables_of_model(model).items()}
-    paths = {name: _path(folder, name) for name in columns}
+    paths = {name: require_table(folder, name) for name in columns}
     tables = {name: _table(paths[name], header) for name, header in columns.items()}
     rows = _count_rows(folder, paths, tables, info)
     tables = {name: table.iloc[:rows] for name, table in tables.items()}
@@ -100,27 +96,23 @@ def read_run(folder: Path) -> Run:
             for name in tables_of_model(model)
             if name not in (STATES, REACTIONS, WORK)
         },
-        partial=find_table(folder, STATES_FILE) == folder / (STATES_FILE + PART),
+        partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )
 
 
 def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
     """The table of estimated errors, at the first of these ``times``; None if there is none."""
-    told, path = info.get("error") or {}, find_table(folder, ERROR_FILE)
+    estimate, path = info.get("error") or {}, find(folder, ERROR_FILE)
     if path is None:
-        if told:
+        if estimate:
             raise ResultError(f"{shown_path(folder / ERROR_FILE)}: missing; {AGAIN}")
         return None
     table = _table(path, ERROR_COLUMNS).iloc[: len(times)]
     check_rows(path, table)
-    if told.get("complete") and len(table) != len(times):
+    if estimate.get("complete") and len(table) != len(times):
         raise ResultError(wrong_count(path, len(table), f"states.csv has {len(times)}"))
-    other = np.flatnonzero(table["time"].to_numpy() != times[: len(table)])
-    if other.size:
-        here, there = table["time"].iloc[other[0]], times[other[0]]
-        message = f"time {here:.12g} s, where states.csv has {there:.12g} s"
-        raise ResultError(f"{_line(path, other[0])}: {message}; {AGAIN}")
+    _require_times(path, table, times)
     return table
 
 
@@ -134,12 +126,12 @@ def _count_rows(
     were changed after the run.
     """
     counts = {name: len(table) for name, table in tables.items()}
-    least, told = min(counts.values()), info.get("outputTimes", counts[STATES_FILE])
+    least, expected = min(counts.values()), info.get("outputTimes", counts[STATES_FILE])
     killed = "outputTimes" not in info and any(path.suffix == PART for path in paths.values())
     for name, count in counts.items():
-        if count != told and not killed:
+        if count != expected and not killed:
             whence = "run.json says" if "outputTimes" in info else "states.csv has"
-            raise ResultError(wrong_count(paths[name], count, f"{whence} {told}"))
+            raise ResultError(wrong_count(paths[name], count, f"{whence} {expected}"))
     if least == 0:
         raise ResultError(f"{shown_path(folder)}: the run has no rows yet; {AGAIN}")
     return least
@@ -158,11 +150,7 @@ def _check_times(
     times = tables[STATES_FILE]["time"].to_numpy()
     for name, table in tables.items():
         check_rows(paths[name], table)
-        other = np.flatnonzero(table["time"].to_numpy() != times)
-        if other.size:
-            here, there = table["time"].iloc[other[0]], times[other[0]]
-            message = f"time {here:.12g} s, where states.csv has {there:.12g} s"
-            raise ResultError(f"{_line(paths[name], other[0])}: {message}; {AGAIN}")
+        _require_times(paths[name], table, times)
     if times[0] != 0.0:
         message = f"the first row is at {times[0]:.12g} s, not at 0"
         raise ResultError(f"{_line(paths[STATES_FILE], 0)}: {message}; {AGAIN}")
@@ -170,6 +158,15 @@ def _check_times(
     if end is not None and abs(times[-1] - end) > SAME_TIME * abs(end):
         message = f"the last row is at {times[-1]:.12g} s; run.json says {end:.12g} s"
         raise ResultError(f"{_line(paths[STATES_FILE], len(times) - 1)}: {message}; {AGAIN}")
+
+
+def _require_times(path: Path, table: pd.DataFrame, times: np.ndarray) -> None:
+    """Raise ``ResultError`` unless the rows of a table are at the first of these ``times``."""
+    other = np.flatnonzero(table["time"].to_numpy() != times[: len(table)])
+    if other.size:
+        here, there = table["time"].iloc[other[0]], times[other[0]]
+        message = f"time {here:.12g} s, where states.csv has {there:.12g} s"
+        raise ResultError(f"{_line(path, other[0])}: {message}; {AGAIN}")
 
 
 def check_rows(path: Path, table: pd.DataFrame, only_times: bool = False) -> None:
@@ -192,11 +189,6 @@ def check_rows(path: Path, table: pd.DataFrame, only_times: bool = False) -> Non
 def _line(path: Path, row: int) -> str:
     """A row of a table for a message, by the line of the file: the header is line 1."""
     return f"{shown_path(path)}:{row + 2}"
-
-
-def find_table(folder: Path, name: str) -> Path | None:
-    """Path of the table ``name``, complete or ``.part``; ``None`` if there is neither."""
-    return find(folder, name)
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -257,9 +249,18 @@ def unreadable(rows: str, columns: int) -> str:
     return " not a table of numbers"
 
 
-def _path(folder: Path, name: str) -> Path:
-    """Path of the table ``name``, complete or not; raises ``ResultError`` if there is none."""
-    path = find_table(folder, name)
+def read_model(folder: Path) -> Model:
+    """The model of the run in ``folder``; raises ``ResultError`` if there is no run."""
+    deck = find(folder, DECK)
+    if deck is None:
+        message = "not the folder of a run (no deck.xml); make one: msahl run"
+        raise ResultError(f"{shown_path(folder)}: {message}")
+    return read_deck(deck)
+
+
+def require_table(folder: Path, name: str) -> Path:
+    """Path of the table in the file ``name``, complete or not; raises ``ResultError``."""
+    path = find(folder, name)
     if path is None:
         raise ResultError(f"{shown_path(folder / name)}: missing; {AGAIN}")
     return path

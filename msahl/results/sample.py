@@ -8,13 +8,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.printable import shown_path
-from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.read import Run, find_table, require_columns, unreadable
-from msahl.results.write import DECK, PART, file_name
+from msahl.results.read import Run, read_model, require_columns, require_table, unreadable
+from msahl.results.write import PART, file_name
 from msahl.run.tables import REACTIONS, STATES, WORK, tables_of_model
 
 BLOCK = 1 << 22
@@ -52,13 +50,9 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
     Raises ``ResultError`` if there is no run or a table is damaged at one of these rows,
     ``DeckError`` if its deck is not valid.
     """
-    deck = find(folder, DECK)
-    if deck is None:
-        message = "not the folder of a run (no deck.xml); make one: msahl run"
-        raise ResultError(f"{shown_path(folder)}: {message}")
-    model, info = read_deck(deck), read_info(folder)
+    model, info = read_model(folder), read_info(folder)
     columns = tables_of_model(model)
-    files = {name: _Lines(_require_table(folder, name)) for name in columns}
+    files = {name: _Lines(require_table(folder, file_name(name))) for name in columns}
     try:
         for name, lines in files.items():
             require_columns(lines.path, lines.header, columns[name])
@@ -91,13 +85,6 @@ def _spaced(total: int, most: int) -> np.ndarray:
     """Return the numbers of at most ``most`` + 1 evenly spaced rows, and of the last."""
     rows = np.arange(0, total, -(-total // most))
     return rows if rows[-1] == total - 1 else np.append(rows, total - 1)
-
-
-def _require_table(folder: Path, name: str) -> Path:
-    path = find_table(folder, file_name(name))
-    if path is None:
-        raise ResultError(f"{shown_path(folder / file_name(name))}: missing; {AGAIN}")
-    return path
 
 
 class _Lines:

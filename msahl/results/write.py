@@ -6,7 +6,7 @@ final name is complete. Numbers are the shortest decimals that read back to the 
 
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
 from types import TracebackType
@@ -92,6 +92,13 @@ def write_table(path: Path, columns: list[str], rows: np.ndarray) -> None:
     finally:
         table.close()
     table.part.replace(path)
+
+
+def write_tables(folder: Path, tables: Mapping[str, tuple[Sequence[str], np.ndarray]]) -> None:
+    """Write columns and rows of complete ``tables`` by name into the ``folder``, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (columns, rows) in tables.items():
+        write_table(folder / file_name(name), list(columns), rows)
 
 
 class RunFolder:

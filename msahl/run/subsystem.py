@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import signals
 from msahl.elements.rigid_body import write_accelerations
+from msahl.elements.signals.group import begin_angles
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
@@ -200,7 +200,7 @@ def _prepare(
     Returns whether angles of ``state`` were changed.
     """
     call(evaluate.prepare, system, state, start)
-    changed = signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)
+    changed = begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)
     if changed:
         call(evaluate.prepare, system, state, start)
     if system.forces.compliance is not None:

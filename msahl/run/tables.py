@@ -159,3 +159,21 @@ class MemorySink:
         """All rows of one table; without rows if it was never written."""
         parts = self.kept.get(name)
         return np.concatenate(parts) if parts else np.zeros((0, 1))
+
+
+class BothSinks:
+    """Two sinks that get the same rows."""
+
+    def __init__(self, first: Sink, second: Sink) -> None:
+        self.first, self.second = first, second
+        self.takes_observed = first.takes_observed or second.takes_observed
+
+    def write(self, tables: Mapping[str, np.ndarray]) -> None:
+        """See ``Sink``."""
+        self.first.write(tables)
+        self.second.write(tables)
+
+    def restart(self) -> None:
+        """See ``Sink``."""
+        self.first.restart()
+        self.second.restart()

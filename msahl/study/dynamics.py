@@ -12,9 +12,10 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
-from msahl.elements import rigid_body, signals
+from msahl.elements import rigid_body
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement, first_multiplier, moving_count, rotation_increment
+from msahl.elements.signals import states
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
@@ -88,7 +89,7 @@ def _rates(
 ) -> None:
     """Set ``dy`` from the accelerations in ``instant``."""
     bodies = moving_count(system.frames)
-    signals.set_rates(system.forces.signals, start.forces.signals, dy, SIZE * bodies)
+    states.set_rates(system.forces.signals, start.forces.signals, dy, SIZE * bodies)
     for b in range(bodies):
         k = SIZE * b
         e0, e1, e2, e3 = y[k + 3], y[k + 4], y[k + 5], y[k + 6]

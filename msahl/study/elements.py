@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from msahl.analysis.equilibria.begin import deck_at
-from msahl.analysis.equilibria.equilibrium import search_start
-from msahl.analysis.equilibria.search import find
+from msahl.analysis.equilibria.begin import beginning
 from msahl.deck.source import Source
 from msahl.model import Model, Options
-from msahl.model.settings import EQUILIBRIUM, OFF
+from msahl.model.settings import OFF
+from msahl.results.job import make_job
 from msahl.results.read import ResultError
 from msahl.run import loop
 from msahl.run.report import COMPLETED, INTERRUPTED
@@ -63,13 +62,15 @@ def space_error(
 ) -> SpaceError:
     """Return the error in space of a deck; ``prepared`` changes each model before its run.
 
-    Raises ``ResultError`` if the deck has no beams or a run does not end.
+    Raises ``ResultError`` if the deck has no beams or a run does not end, ``StartError`` if there
+    is no equilibrium at which it begins.
     """
     text = source.text({}, settings)
     found, counts = [], []
     for factor in FACTORS:
         try:
-            model = prepared(_model(source, refined(text, source, factor)))
+            deck = Source(source.path, refined(text, source, factor))
+            model = prepared(beginning(make_job(deck, deck.model(()), {})).model)
         except RefinementError as error:
             raise ResultError(f"{source.path}: {error}") from error
         if not model.beams:
@@ -90,18 +91,6 @@ def space_error(
     return SpaceError(
         tuple(counts), (first, second), math.log2(ratio), first * ratio / (ratio - 1.0)
     )
-
-
-def _model(source: Source, text: bytes) -> Model:
-    """Return the model of the deck ``text``, at its equilibrium if it begins there."""
-    model = Source(source.path, text).model(())
-    if model.simulation.start != EQUILIBRIUM:
-        return model
-    start = search_start(model)
-    found = find(start, np.zeros(3))
-    if found is None:
-        raise ResultError("no equilibrium was found at which the run begins")
-    return Source(source.path, deck_at(text, source.path, start, found)).model(())
 
 
 def _positions(model: Model) -> dict[tuple[str, float], np.ndarray]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import signals
+from msahl.elements.signals.group import use_reactions
 from msahl.jit.compiled import working_clock
 from msahl.model import Model
 from msahl.results.read import ResultError
@@ -112,7 +112,7 @@ def independent(
     """
     times = np.unique(times)
     dynamics = Dynamics(model)
-    if signals.use_reactions(dynamics.system.forces.signals):
+    if use_reactions(dynamics.system.forces.signals):
         raise ResultError(_OF_STEPS)
     found = reference_cache.load(model, times, accuracy)
     if found is None:

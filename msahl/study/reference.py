@@ -6,10 +6,14 @@ after it only the invariants of a chaotic motion are known.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from msahl.deck import DeckError
+from msahl.model import Model
+from msahl.results.read import ResultError, read_run
 from msahl.study.dynamics import Dynamics
 
 SAME_TIME = 1e-9
@@ -67,3 +71,18 @@ class TableReference:
     def forces(self, times: np.ndarray) -> np.ndarray:
         """Return the joint forces (m, 3 k) [N] of the states in the table; NaN at other times."""
         return self.dynamics.forces(times, self.states(times))
+
+
+def stored(folder: Path, model: Model) -> TableReference:
+    """Return the run in ``folder`` as a reference for runs of a ``model``; raises ``ResultError``
+    if it is none.
+    """
+    try:
+        run = read_run(folder)
+    except DeckError as error:
+        raise ResultError(str(error.faults[0])) from error
+    table = run.states.to_numpy()[:, 1:]
+    if table.shape[1] != 12 * len(model.bodies):
+        raise ResultError(f"{folder}: not a run of this deck (it has other bodies)")
+    description = f"The reference is the stored run {folder}."
+    return TableReference(description, run.time, table, float(run.time[-1]), 0.0, Dynamics(model))

@@ -1,7 +1,9 @@
 """Carry out a study: runs over step sizes and schemes, their errors, orders and the fastest run."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,11 @@ from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
 from msahl.study.command import Command, command_arguments
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
+from msahl.study.independent import TooSlowError, independent
 from msahl.study.order import FLAT, Fit, fit_order
 from msahl.study.plan import Plan, StudyRun
-from msahl.study.reference import Reference
-from msahl.study.reference_choice import choose_reference
+from msahl.study.reference import Reference, stored
+from msahl.study.refined_runs import refined_reference
 from msahl.study.runs import Case, run_trials
 from msahl.study.search import Observer, Search
 
@@ -116,10 +119,20 @@ def study(
 
 
 def find_reference(plan: Plan) -> Reference:
-    """Return the reference for all runs of the ``plan``."""
-    times = np.linspace(0.0, plan.model.simulation.t_final, TIMES)
-    seconds = OF_REFERENCE * plan.budget
-    return choose_reference(plan.reference, plan.model, times, plan.accuracy, seconds)
+    """Return the reference that the ``plan`` names: "independent", a run's folder, or "auto", which
+    is independent or, where that takes too long, from msahl's own runs at small steps.
+
+    Raises ``ResultError`` if there is none.
+    """
+    wanted, model, accuracy = plan.reference, plan.model, plan.accuracy
+    times = np.linspace(0.0, model.simulation.t_final, TIMES)
+    if wanted not in ("auto", "independent"):
+        return stored(Path(wanted), model)
+    seconds = OF_REFERENCE * plan.budget if wanted == "auto" else math.inf
+    try:
+        return independent(model, times, accuracy, seconds)
+    except TooSlowError as error:
+        return refined_reference(model, accuracy, seconds, error.solution)
 
 
 def _at_given_steps(plan: Plan, reference: Reference, observer: Observer) -> Study:

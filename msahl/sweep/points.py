@@ -17,11 +17,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from msahl.api.running import at_start
 from msahl.deck import DeckError, Fault, ParsedDeck, Source
 from msahl.jit.files import version_of
-from msahl.model.settings import EQUILIBRIUM, GIVEN
+from msahl.model.settings import GIVEN
 from msahl.post.measures import evaluate, position_error, tables_needed
 from msahl.printable import printable
 from msahl.results.job import Job as Run
@@ -30,7 +29,7 @@ from msahl.results.write import DECK, INFO, RunFolder, file_name, write_json
 from msahl.run import loop
 from msahl.run.options import OptionError
 from msahl.run.report import COMPLETED, NOT_STARTED, NOT_WRITTEN, Report, report_without_steps
-from msahl.run.tables import STATES, MemorySink
+from msahl.run.tables import STATES, BothSinks, MemorySink
 from msahl.run.verdict import FAIL
 from msahl.start.velocities import StartError
 from msahl.sweep.axes import Column
@@ -228,7 +227,7 @@ def _run_point(resolver: Resolver, point: Point) -> Row:
     try:
         run = resolver.run_at(point.cells)
         row["key"] = _key(run)
-        report, measures, reason = _simulate(resolver.job, _begun(run), row["key"])
+        report, measures, reason = _simulate(resolver.job, at_start(run), row["key"])
     except DeckError as error:
         row["key"] = resolver.faulty_key(point.cells, error)
         report = report_without_steps(NOT_VALID, _fault_text(error))
@@ -245,15 +244,6 @@ def _run_point(resolver: Resolver, point: Point) -> Row:
         "message": printable(message)[:LONGEST_MESSAGE],
         "seconds": {**report.seconds, "total": time.perf_counter() - began},
     }
-
-
-def _begun(run: Run) -> Run:
-    """The run from the equilibrium of its own point, if the deck asks for it."""
-    if run.model.simulation.start != EQUILIBRIUM:
-        return run
-    from msahl.analysis.equilibria.begin import beginning
-
-    return beginning(run)
 
 
 def _fault_text(error: DeckError) -> str:
@@ -278,25 +268,6 @@ def _simulate(job: Job, run: Run, key: str) -> tuple[Report, dict[str, Any], str
     return report, *evaluate(measures, run.model, report, memory.table)
 
 
-class _Both:
-    """A sink that writes the tables of a run to disk and keeps some of them in memory."""
-
-    takes_observed = True
-
-    def __init__(self, disk: RunFolder, memory: MemorySink) -> None:
-        self.disk, self.memory = disk, memory
-
-    def write(self, tables: Mapping[str, np.ndarray]) -> None:
-        """See ``Sink``."""
-        self.disk.write(tables)
-        self.memory.write(tables)
-
-    def restart(self) -> None:
-        """See ``Sink``."""
-        self.disk.restart()
-        self.memory.restart()
-
-
 def kept_folder(folder: str | Path, key: str) -> Path:
     """The folder of the tables of a point."""
     return Path(folder) / "runs" / key[:SHOWN]
@@ -316,7 +287,7 @@ def _run_and_keep(job: Job, run: Run, memory: MemorySink, key: str) -> Report:
         shutil.rmtree(part, ignore_errors=True)
         disk = RunFolder(part, run.model, run.text)
         with disk:
-            report = loop.run(run.model, run.options, _Both(disk, memory), checked=True)
+            report = loop.run(run.model, run.options, BothSinks(disk, memory), checked=True)
             disk.complete = report.status == COMPLETED
         if report.status == NOT_WRITTEN:
             return report

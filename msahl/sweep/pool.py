@@ -8,7 +8,6 @@ died at it, it has failed.
 
 import os
 import selectors
-import subprocess
 import time
 from collections import Counter, deque
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from typing import Any
 import orjson
 
 from msahl.jit.progress import CompileError
-from msahl.subprocesses import command_of, environment
+from msahl.subprocesses import cores, end_worker, start_worker
 from msahl.sweep.axes import number_text
 from msahl.sweep.points import (
     TIMED_OUT,
@@ -60,17 +59,8 @@ class Worker:
     """One process, the points it was given in their order, and when it began the first of them."""
 
     def __init__(self, job: Job) -> None:
-        variables = {**dict.fromkeys(THREADS, "1"), **environment()}
         try:
-            self.process = subprocess.Popen(
-                command_of("msahl.sweep.worker"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=variables,
-                bufsize=0,
-                # An interruption by the terminal is for the sweep alone.
-                process_group=0 if os.name == "posix" else None,
-            )
+            self.process = start_worker("msahl.sweep.worker", dict.fromkeys(THREADS, "1"))
         except OSError as error:
             raise PoolError(f"no process can be started: {error.strerror or error}") from error
         assert self.process.stdin is not None
@@ -84,9 +74,8 @@ class Worker:
 
     def _write(self, message: Any) -> None:
         with suppress(OSError):  # it has died, which reading reports
-            rest = orjson.dumps(message) + b"\n"
-            while rest:
-                rest = rest[self.sink.write(rest) or 0 :]
+            self.sink.write(orjson.dumps(message) + b"\n")
+            self.sink.flush()
 
     def give(self, points: list[Point]) -> None:
         """Hand over points."""
@@ -110,15 +99,12 @@ class Worker:
 
     def kill(self) -> None:
         """End the process at once."""
-        self.process.kill()
-        self.process.wait()
-        for end in (self.source, self.sink):
-            with suppress(OSError):
-                end.close()
+        end_worker(self.process)
 
 
 class Pool:
-    """A scheduler of ``jobs`` processes; a point may take ``timeout`` seconds if that is given.
+    """A scheduler of ``jobs`` processes, at most one for each core and point; a point may take
+    ``timeout`` seconds if that is given.
 
     ``compiling`` is called when a worker begins to compile kernels. Workers of a ``lasting`` pool
     wait for more points of the same job until ``close``.
@@ -131,7 +117,7 @@ class Pool:
         compiling: Callable[[], Any] = lambda: None,
         lasting: bool = False,
     ) -> None:
-        self.jobs, self.timeout, self.compiling = jobs, timeout, compiling
+        self.jobs, self.timeout, self.compiling = min(jobs, cores()), timeout, compiling
         self.lasting = lasting
         self.workers: list[Worker] = []
         self.deaths: Counter[int] = Counter()

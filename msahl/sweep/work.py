@@ -88,7 +88,7 @@ class Work:
         self.store, self.on_fail, self.tell, self.share = store, on_fail, tell, share
         self.stopped = False
         self.counts = self._counted(plan)
-        self.begun = self.counts.done
+        self.done_before = self.counts.done
         self.attempts: dict[int, int] = {}
         self._again: deque[Point] = deque()
         self._running: dict[int, Point] = {}
@@ -161,7 +161,7 @@ class Work:
                 row = self.store.adopt(number, name, resolver.key(cells))
                 if row is not None:
                     self.counts.add(row)
-                    self.begun += 1
+                    self.done_before += 1
 
     def _missing(self, plan: Plan) -> Iterator[Point]:
         """Yield the points without outcome; of points with the same id only the first."""

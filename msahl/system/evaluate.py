@@ -31,13 +31,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import reactions, rigid_body, signals
+from msahl.elements import reactions, rigid_body
 from msahl.elements.beams import instant
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
+from msahl.elements.signals import inputs
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.ports import forces
@@ -70,14 +71,14 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     instant.prepare(system.beams, state.x, R, start.beams)
     reactions.prepare(system.reactions, system.scalar, R, start.reaction_arms)
     forces.prepare(system.forces, start.forces, system.scalar, state.reaction, state.reaction_trend)
-    signals.prepare(
+    inputs.prepare(
         system.forces.signals,
         start.forces.signals,
         start.frames,
         state.x,
         state.p,
     )
-    signals.save_state(
+    inputs.save_state(
         system.forces.signals,
         start.forces.signals,
         state.time[0],

@@ -9,8 +9,8 @@ import numpy as np
 
 from msahl.algebra.functions import evaluate
 from msahl.algebra.rotation import compose, from_axis_angle
-from msahl.elements import signals
 from msahl.elements.constraints import scalar
+from msahl.elements.signals import results
 from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
@@ -130,5 +130,5 @@ def _values(system: System, state: State) -> np.ndarray:
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
     prepare(system, state, start)
     forces.set_prepared_inputs(group, start.forces, system.scalar)
-    signals.evaluate(group, start.forces.signals)
+    results.evaluate(group, start.forces.signals)
     return np.asarray(start.forces.signals.values.value)

@@ -17,7 +17,7 @@ from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
 from msahl.elements.rigid_body import RigidBodies
-from msahl.elements.signals import Signals
+from msahl.elements.signals.group import Signals
 from msahl.expressions.tape import build_tape
 from msahl.laws.registry import POINT_LAWS, constants
 from msahl.model import resolve

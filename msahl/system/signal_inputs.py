@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import signals
+from msahl.elements.signals import group as signals
 from msahl.expressions.syntax import Name, Tree
 from msahl.expressions.tape import Table
 from msahl.joints.coordinates import angle_offset

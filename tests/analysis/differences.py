@@ -13,7 +13,7 @@ from msahl.analysis.linear_models.columns import BODIES, RATES, columns_by_table
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
-from msahl.elements import signals
+from msahl.elements.signals.group import use_reactions
 from msahl.model import SignalState
 from msahl.ports import forces
 from msahl.start.velocities import make_consistent, solve_accelerations
@@ -41,7 +41,7 @@ def beside(point, dq, dv, ds):
     make_consistent(system, moved, unknowns.free, "massWeighted")
     group = system.forces.signals
     # Until reactions that expressions depend on are those that follow.
-    for _ in range(30 if group is not None and signals.use_reactions(group) else 1):
+    for _ in range(30 if group is not None and use_reactions(group) else 1):
         solve_accelerations(system, moved, unknowns)
     return Point(point.model, system, moved, unknowns)
 

@@ -113,15 +113,29 @@ def test_samples_are_taken_as_results_are():
     results.close()
 
 
-def test_a_process_that_is_killed_ends_the_batch(monkeypatch):
-    started = []
+@pytest.fixture
+def started(monkeypatch):
+    """The processes that batches start."""
+    processes = []
 
     class Noted(batches._Worker):
         def __init__(self, begin):
             super().__init__(begin)
-            started.append(self.process)
+            processes.append(self.process)
 
     monkeypatch.setattr(batches, "_Worker", Noted)
+    return processes
+
+
+def test_there_are_at_most_as_many_processes_as_samples_and_cores(monkeypatch, started):
+    monkeypatch.setattr(batches, "cores", lambda: 3)
+    assert len(list(msahl.batch(msahl.load(ROD), SAMPLES[:2], 1000, **SHORT))) == 2
+    assert len(started) == 2
+    assert len(list(msahl.batch(msahl.load(ROD), iter(SAMPLES[:4]), 1000, **SHORT))) == 4
+    assert len(started) == 2 + 3
+
+
+def test_a_process_that_is_killed_ends_the_batch(started):
     samples = ({"start": k % 90} for k in range(1000))
     results = msahl.batch(msahl.load(ROD), samples, 2, **SHORT)
     next(results)

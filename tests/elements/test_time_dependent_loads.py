@@ -1,6 +1,7 @@
 """Loads by laws of time: their impulse and their work are exact at any step."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,18 @@ def test_the_impulse_is_exact_by_every_scheme(name, scheme):
     law = LAWS[name]
     run = simulate(push(law), dt=0.01, scheme=scheme)
     assert run.of("velocity")[-1, 0] == pytest.approx(exact(law, 1.0)[0], abs=1e-12)
+
+
+def test_loads_of_the_same_law_share_the_work_by_their_forces():
+    """Of a force and one twice as large, at the same point."""
+    model = push(LAWS["resolved"])
+    (load,) = model.loads
+    other = replace(load, name="Other", force=(2.0 * FORCE, 0.0, 0.0))
+    run = simulate(replace(model, loads=(load, other)), dt=0.02, t_final=0.1, error="off")
+    one, two = run.column("Push.work"), run.column("Other.work")
+    assert one[-1] > 1e3
+    # Round-off of five steps.
+    assert two == pytest.approx(2.0 * one, rel=1e-13)
 
 
 def test_a_moment_rotates_a_free_body_as_exactly():

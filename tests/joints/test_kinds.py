@@ -24,11 +24,6 @@ NOT_A_JOINT = {
 }
 """Files with the name of a kind as the name of something else: the distance of two markers, and
 strains of beams that cannot change."""
-CLOSED_FORMS = {
-    "study/exact/motion.py": {"spherical"},
-    "study/exact/oscillator.py": {"prismatic", "revolute"},
-}
-"""Closed forms hold for the mechanisms of textbooks, which have these joints."""
 
 
 def names_of_kinds():
@@ -45,8 +40,9 @@ def names_of_kinds():
 
 
 def test_no_module_outside_joints_names_a_kind():
-    allowed = NOT_A_JOINT | CLOSED_FORMS
-    others = {file: names - allowed.get(file, set()) for file, names in names_of_kinds().items()}
+    others = {
+        file: names - NOT_A_JOINT.get(file, set()) for file, names in names_of_kinds().items()
+    }
     assert not {file: names for file, names in others.items() if names}
 
 

@@ -13,7 +13,8 @@ from click.testing import CliRunner
 import msahl.run.loop
 from msahl.cli.main import main
 from msahl.results import folder as folders
-from msahl.results.read import find_table, read_info, read_run, read_table
+from msahl.results.folder import find
+from msahl.results.read import read_info, read_run, read_table
 from msahl.results.write import RunFolder, Table
 from tests.run.test_failures import GROWING, OPENING
 from tests.run.test_resume import interrupted
@@ -139,7 +140,7 @@ def test_at_any_kill_the_folder_holds_the_old_or_the_new_run(tmp_path):
             run(deck, "--dt", 0.01, "--t-final", 0.1, "-o", out)
             os._exit(0)
         _, ended = os.waitpid(child, 0)
-        states, reactions = find_table(out, "states.csv"), find_table(out, "reactions.csv")
+        states, reactions = find(out, "states.csv"), find(out, "reactions.csv")
         is_old = states.read_bytes() == old["states.csv"]
         assert is_old or states.read_bytes() == new["states.csv"]
         expected = old if is_old else new

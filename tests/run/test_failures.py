@@ -12,8 +12,8 @@ from click.testing import CliRunner
 
 import msahl.run.loop
 from msahl.cli import console
+from msahl.cli.interruption import Interruption
 from msahl.cli.main import main
-from msahl.cli.signals import Interruption
 from msahl.deck import read_deck
 from msahl.jit import compiled
 from msahl.jit.kernel_store import Store

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import msahl.cli.signals
+import msahl.cli.interruption
 import msahl.run.loop
+from msahl.cli.interruption import stoppable
 from msahl.cli.main import main
-from msahl.cli.signals import stoppable
 from msahl.model import Options
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import TABLES
@@ -130,7 +130,7 @@ def busy(seconds=20.0):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_request_that_nobody_asks_for_stops_all_the_same(monkeypatch, number):
-    monkeypatch.setattr(msahl.cli.signals, "GRACE", 0.01)
+    monkeypatch.setattr(msahl.cli.interruption, "GRACE", 0.01)
     with stoppable() as stopped:
         os.kill(os.getpid(), number)
         with pytest.raises(KeyboardInterrupt):
@@ -139,7 +139,7 @@ def test_a_request_that_nobody_asks_for_stops_all_the_same(monkeypatch, number):
 
 
 def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
-    monkeypatch.setattr(msahl.cli.signals, "GRACE", 0.01)
+    monkeypatch.setattr(msahl.cli.interruption, "GRACE", 0.01)
     with stoppable() as stopped:
         os.kill(os.getpid(), signal.SIGTERM)
         assert stopped()
@@ -154,7 +154,7 @@ def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
 )
 def test_preparation_answers(tmp_path, monkeypatch, where):
     """Before there is a step there is nothing to keep: it stops, and the folder says so."""
-    monkeypatch.setattr(msahl.cli.signals, "GRACE", 0.01)
+    monkeypatch.setattr(msahl.cli.interruption, "GRACE", 0.01)
 
     def prepare(*_, **__):
         os.kill(os.getpid(), signal.SIGTERM)

@@ -21,10 +21,10 @@ from msahl.study import reference_cache
 from msahl.study.breakpoints import breakpoints, longest_step
 from msahl.study.errors import compute_errors
 from msahl.study.independent import Solution, TooSlowError, independent
+from msahl.study.page import recommendation
 from msahl.study.pictures import pictures
 from msahl.study.plan import Plan
 from msahl.study.refined_runs import refined_reference
-from msahl.study.report import recommendation
 from msahl.study.rounding import MANTISSAS, next_round, round_down, series_index, series_value
 from msahl.study.runs import Case, run_in_memory, with_step
 from msahl.study.study import find_reference, study

@@ -22,9 +22,9 @@ from msahl.study import independent as independent_module
 from msahl.study import reference_cache
 from msahl.study.dynamics import Dynamics
 from msahl.study.independent import independent
+from msahl.study.page import recommendation, write_study
 from msahl.study.pictures import pictures
 from msahl.study.plan import Plan
-from msahl.study.report import recommendation, write_study
 from msahl.study.runs import run_in_memory, with_step
 from msahl.study.study import study
 from tests.support.closed_forms import recognise

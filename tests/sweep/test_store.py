@@ -105,6 +105,17 @@ def test_points_with_the_same_resolved_deck_are_not_computed_again(tmp_path):
     assert before[2].split(",")[2:] == after[3].split(",")[3:]
 
 
+def test_outcomes_of_other_software_are_computed_again(tmp_path):
+    """Even if their keys are equal, as those of decks with faults are."""
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm"), InProcess())
+    journal = tmp_path / "s" / "journal.jsonl"
+    rows = [json.loads(line) | {"software": "0123456789ab"} for line in lines(tmp_path / "s")]
+    journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    again = FakeScheduler()
+    carry_out(sweep(tmp_path / "s", "L=600,800 mm"), again)
+    assert again.ran == [1, 2]
+
+
 def test_a_new_measure_is_computed_and_an_old_one_is_there(tmp_path):
     carry_out(sweep(tmp_path / "s", "L=60,80 cm", measures=("Rod.z max",)), FakeScheduler())
     more = FakeScheduler()

@@ -36,7 +36,6 @@ class Shot:
     time: float
     keys: str = ""
     theme: str = "light"
-    size: tuple[int, int] = (1100, 700)
     other: tuple[str, ...] = ()  # options of a second run, which is overlaid
 
 
@@ -45,7 +44,6 @@ SHOTS = (
     Shot("viewer_robot", "machines/robot", 0.9, "gt", theme="dark"),
     Shot("viewer_governor", "mechanisms/flyball_governor", 2.2, "gtn"),
     Shot("viewer_overlay", "thesis/triple_pendulum_89", 9.2, "gt", other=("--dt", "0.05")),
-    Shot("viewer_phone", "mechanisms/suspension", 0.1, size=(360, 640)),
 )
 
 
@@ -67,7 +65,7 @@ def take(browser: Any, shot: Shot, folder: Path) -> None:
         run(shot.deck, folders[1], *shot.other)
     path = folder / f"{shot.name}.html"
     path.write_text(viewer_page([show_run(each) for each in folders]), encoding="utf-8")
-    viewport = {"width": shot.size[0], "height": shot.size[1]}
+    viewport = {"width": 1100, "height": 700}
     page = browser.new_page(viewport=viewport, color_scheme=shot.theme)
     page.goto(path.as_uri())
     page.wait_for_selector("[data-state=ready]")

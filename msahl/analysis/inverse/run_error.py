@@ -44,12 +44,12 @@ def run_error(info: Mapping[str, Any]) -> RunError | None:
     """Return the errors in ``run.json``; None unless ``msahl run`` integrated the motion."""
     if info.get("command"):
         return None
-    told = info.get("error") or {}
-    if not told or told.get("complete") is False:
+    estimate = info.get("error") or {}
+    if not estimate or estimate.get("complete") is False:
         return UNKNOWN
-    position = max(float(told.get(name, np.nan)) for name in ("position", "orientation"))
+    position = max(float(estimate.get(name, np.nan)) for name in ("position", "orientation"))
     # A model without joints has no reactions.
-    return RunError(position, *(float(told.get(name) or 0.0) for name in ("force", "moment")))
+    return RunError(position, *(float(estimate.get(name) or 0.0) for name in ("force", "moment")))
 
 
 def raised_by(

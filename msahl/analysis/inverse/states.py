@@ -15,8 +15,8 @@ from msahl.algebra.rotation_arrays import quaternions
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.table import product
 from msahl.analysis.kinematics.configuration import Equations, copied
-from msahl.elements import signals
 from msahl.elements.constraints import scalar
+from msahl.elements.signals import results
 from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import State
@@ -143,7 +143,7 @@ def _rates(of: Equations, motion: Between, share: float, seen: State, s: np.ndar
     of.call(evaluate.prepare, of.system, seen, of.start)
     scalar.count_rotations(of.system.scalar, of.start.scalar, seen.angle)
     forces.set_prepared_inputs(group, own, of.system.scalar)
-    signals.evaluate(group, own.signals)
+    results.evaluate(group, own.signals)
     assert group is not None
     return np.asarray(own.signals.values.value[group.rate])
 

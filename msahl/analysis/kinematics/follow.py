@@ -36,7 +36,7 @@ ROTATION = 0.5
 """Largest predicted rotation of a body in one step [rad]."""
 SHORTEST = 1e-13
 """Shortest step, relative to the end of the motion."""
-BEYOND = 64.0
+FARTHEST = 64.0
 """Largest distance behind an output time, over that before it, at which the motion is taken up
 again where the output time itself is singular."""
 
@@ -81,7 +81,7 @@ class Follower:
     def __init__(self, of: Equations, state: State, rank: int, end: float) -> None:
         self.of, self.rank, self.end = of, rank, end
         self.length = float(of.system.frames.length[: moving_count(of.system.frames)].min())
-        self.steps = self.iterations = self.rejected = 0
+        self.steps = self.iterations = 0
         first = self.instant(state, 0.0, near=False)
         if first is None:
             raise LostError("the joints and motions cannot be closed")
@@ -102,7 +102,6 @@ class Follower:
             h = min(self.h, left, self._longest())
             found = self._step(h, time if h == left else self.last.time + h)
             if found is None:
-                self.rejected += 1
                 self.h = 0.5 * h
                 if h == left and self._pass(time, left):
                     return None
@@ -132,7 +131,7 @@ class Follower:
         if left > 1e-3 * self.end:
             return False
         factor = 1.0
-        while factor <= BEYOND and time + factor * left <= self.end * (1.0 + 1e-9):
+        while factor <= FARTHEST and time + factor * left <= self.end * (1.0 + 1e-9):
             found = self._step(left * (1.0 + factor), time + factor * left)
             if found is not None:
                 self._take(found)

@@ -233,12 +233,6 @@ def headers(model: Model) -> dict[str, list[str]]:
     return found
 
 
-def rows_of(point: Point, states: list[State]) -> dict[str, np.ndarray]:
-    """Return the rows (m, ...) of all tables but signals at m ``states``, without the time."""
-    found = force_rows(point, states)
-    return found | motion_rows(point, motions_of(point, states), found[WORK])
-
-
 def motion_rows(point: Point, motion: Motion, elastic: np.ndarray | None) -> dict[str, np.ndarray]:
     """Return the rows (m, ...) of the tables that follow from the ``motion`` of all bodies (m, b),
     without the time; the table of groups needs the energies ``elastic``, if there are springs.

@@ -40,13 +40,14 @@ from msahl.analysis.linearised.plain_units import (
     multiplier_numbers,
     scales,
 )
-from msahl.elements import signals
 from msahl.elements.beams import instant
 from msahl.elements.beams import linear as beams
 from msahl.elements.beams.group import Beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
+from msahl.elements.signals import inputs
+from msahl.elements.signals.group import use_reactions
 from msahl.expressions.tape import by_input, gradient
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import unit
@@ -229,7 +230,7 @@ def _largest_weight(system: System) -> float:
 
 def depends_on_reactions(system: System) -> bool:
     """Return whether a force depends on reactions of joints, whose changes the derivatives omit."""
-    return forces.depend_on_reactions(system.forces) or signals.use_reactions(system.forces.signals)
+    return forces.depend_on_reactions(system.forces) or use_reactions(system.forces.signals)
 
 
 def holonomic(system: System) -> np.ndarray:
@@ -415,7 +416,7 @@ def expression_slopes(
     for j in range(group.kind.size):
         slope = by_input(group.tape, own.values, j)
         for part in range(4 if slope != 0.0 else 0):
-            f = signals.frame_of_part(group, system.scalar, j, part)
+            f = inputs.frame_of_part(group, system.scalar, j, part)
             if 0 <= f < moving_count(system.frames):
                 node = (system.frames.rotation if part % 2 else system.frames.displacement)[f]
                 flat[0, node] += slope * own.by_place[j, part]

@@ -9,11 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from msahl.analysis.linearised.projection import close
-from msahl.elements import reactions, signals
+from msahl.elements import reactions
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.elements.rigid_body import read_states
+from msahl.elements.signals.group import begin_angles, use_reactions
 from msahl.jit.by_size import by_size
 from msahl.model import Model, Options
 from msahl.model.settings import OFF
@@ -82,7 +83,7 @@ def settle(system: System, state: State, unknowns: Unknowns) -> None:
     are those that follow.
     """
     group = system.forces.signals
-    for _ in range(MOST_ROUNDS if group is not None and signals.use_reactions(group) else 1):
+    for _ in range(MOST_ROUNDS if group is not None and use_reactions(group) else 1):
         last = state.reaction.copy()
         solve_accelerations(system, state, unknowns)
         if reactions.is_unchanged(state.reaction, last):
@@ -150,4 +151,4 @@ def _begin_angles(system: System, state: State) -> None:
     """Set the counted angles that begin with their own value."""
     if system.forces.signals is not None and system.scalar is not None:
         start = _prepared(system, state)
-        signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)
+        begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)

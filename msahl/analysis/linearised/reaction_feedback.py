@@ -17,8 +17,8 @@ from msahl.analysis.linearised.coefficients import Evaluated
 from msahl.analysis.linearised.plain_units import equation_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import move, prepared
-from msahl.elements import signals
 from msahl.elements.frames import first_multiplier
+from msahl.elements.signals.group import REACTION
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
 
@@ -43,7 +43,7 @@ def joints_used(system: System) -> np.ndarray:
     used = [*system.forces.friction.joint.tolist()]
     group = system.forces.signals
     if group is not None:
-        used += group.item[group.kind == signals.REACTION].tolist()
+        used += group.item[group.kind == REACTION].tolist()
     return np.unique(np.array(used, dtype=int))
 
 

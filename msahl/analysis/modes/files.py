@@ -15,7 +15,7 @@ from msahl.analysis.modes.campbell import (
 from msahl.analysis.modes.solution import COLUMNS as MODE_COLUMNS
 from msahl.analysis.modes.solution import Modes, mode_rows, shape_columns, shape_rows
 from msahl.deck.units import parse_unit
-from msahl.results.write import write_json, write_table
+from msahl.results.write import write_json, write_tables
 
 
 class Over(NamedTuple):
@@ -48,15 +48,13 @@ def orders_of(unit: str, wanted: Sequence[float]) -> tuple[float, ...]:
 
 def write_modes(folder: Path, point: Point, found: Modes) -> None:
     """Write modes.csv and shapes.csv into the ``folder``, which is made."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_table(folder / "modes.csv", list(MODE_COLUMNS), mode_rows(found))
-    write_table(folder / "shapes.csv", shape_columns(point), shape_rows(found))
+    shapes = (shape_columns(point), shape_rows(found))
+    write_tables(folder, {"modes": (MODE_COLUMNS, mode_rows(found)), "shapes": shapes})
 
 
 def write_campbell(folder: Path, found: Campbell, over: Over, title: str) -> None:
     """Write campbell.csv, critical.csv and campbell.json into the ``folder``, which is made."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_table(folder / "campbell.csv", list(COLUMNS), campbell_rows(found))
-    write_table(folder / "critical.csv", list(CRITICAL_COLUMNS), critical_rows(found))
+    critical = (CRITICAL_COLUMNS, critical_rows(found))
+    write_tables(folder, {"campbell": (COLUMNS, campbell_rows(found)), "critical": critical})
     info = {"title": title, "name": over.name, "unit": over.unit, "orders": list(over.orders)}
     write_json(folder / "campbell.json", {**info, "speed": over.speed})

@@ -30,7 +30,7 @@ SMALL, LARGE = 0.05, 0.3
 """Cost of a pair that needs no comparison with others, and one that asks for values between."""
 BROKEN = 0.75
 """Cost of a pair above which one mode ends and another begins."""
-CLEAR = 0.5
+CLEARLY_BEST = 0.5
 """Cost of a pair, relative to that of the next best, which is clear."""
 EQUAL = 1e-6
 """Distance of eigenvalues, relative to their size, that are one: their shapes are arbitrary."""
@@ -202,7 +202,7 @@ def _assign(
     for i, j in zip(*linear_sum_assignment(cost), strict=True):
         others = np.concatenate([cost[i, ~same_new[j]], cost[~same_old[i], j]])
         next_best = float(others.min(initial=np.inf))
-        if cost[i, j] > LARGE or (cost[i, j] > SMALL and cost[i, j] > CLEAR * next_best):
+        if cost[i, j] > LARGE or (cost[i, j] > SMALL and cost[i, j] > CLEARLY_BEST * next_best):
             is_clear = False
         if cost[i, j] <= BROKEN:
             pairs.append((int(rows[i]), int(columns[j])))

@@ -43,15 +43,15 @@ SYMMETRIC = 1e-13
 """Asymmetry of a stiffness matrix, relative to its largest entry, that is round-off."""
 ZERO = 1e-12
 """Square of an eigenvalue, relative to the terms it is the sum of, that is zero."""
-BEYOND = 1e-6
+NEAR_ZERO = 1e-6
 """Shift, relative to the largest stiffness by mass, where zero is an eigenvalue."""
 MOST_RIGID = 200
 """Zeros that are computed to reach eigenvalues behind them."""
 MOST_RESTARTS = 300
 """Of Arnoldi's method; it needs some ten where eigenvalues are not nearly equal."""
-CLEAR = 10.0
+NOT_ZERO = 10.0
 """Size of an eigenvalue, relative to its error, from which it is not zero."""
-BESIDE = (1e-4, 1e-5, 1e-6, 1e-3, 1e-7)
+SHIFTS = (1e-4, 1e-5, 1e-6, 1e-3, 1e-7)
 """Shifts beside zero that are tried, relative to the highest frequency: one has to be smaller than
 the lowest by a factor of ten or more, and not by so much that round-off hides that."""
 SINGULAR = 1e13
@@ -216,7 +216,7 @@ def _general(of: Pencil, number: int, frequency: float) -> Found:
     except (NotFoundError, ArpackError):
         return _behind_zeros(of, wanted)
     # What is not larger than its error may be zero.
-    is_clear = np.all(np.abs(found.value) > CLEAR * found.error)
+    is_clear = np.all(np.abs(found.value) > NOT_ZERO * found.error)
     return found if is_clear else _behind_zeros(of, wanted)
 
 
@@ -247,8 +247,8 @@ def _behind_zeros(of: Pencil, wanted: int) -> Found:
     from msahl.analysis.modes.zero_eigenvalues import zero_space
 
     highest, zeros = _highest(of), None
-    for beside in BESIDE:
-        shift = beside * highest
+    for shift_size in SHIFTS:
+        shift = shift_size * highest
         factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
         zeros = zero_space(of.A, of.E, of.coordinates, factors, shift)
         if zeros is not None:
@@ -405,7 +405,7 @@ def _all_vibrations(of: Pencil, number: int, frequency: float) -> Found:
             if frequency or shift > 0.0:
                 raise
             # Beyond the zeros, where a stable model has no eigenvalue.
-            shift = BEYOND * float(abs(of.stiffness).max()) or BEYOND
+            shift = NEAR_ZERO * float(abs(of.stiffness).max()) or NEAR_ZERO
             continue
         others = int(np.count_nonzero(found.value[found.zeros :].imag > 0.0))
         others += int(np.count_nonzero(found.value.real > 0.0))

@@ -24,7 +24,7 @@ import numpy as np
 from msahl.algebra.rotation_arrays import quaternions
 from msahl.analysis.equilibria.tables import state_row
 from msahl.analysis.linearised.point import Point
-from msahl.analysis.modes.report import largest_parts
+from msahl.analysis.modes.mode_lines import largest_parts
 from msahl.analysis.modes.solution import Modes
 from msahl.post.scene import build_scene
 from msahl.post.view.packing import pack_integers

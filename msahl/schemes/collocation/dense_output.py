@@ -35,11 +35,11 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import signals
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
-from msahl.elements.signals import Signals
+from msahl.elements.signals import inputs, states
+from msahl.elements.signals.group import Signals, Stages, new_stages
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
@@ -94,7 +94,7 @@ class DenseOutput(NamedTuple):
     rate: np.ndarray  # (c,)
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
     weight: np.ndarray  # (s,)
-    signals: signals.Stages  # auxiliary states at these nodes; None where the system has none
+    signals: Stages  # auxiliary states at these nodes; None where the system has none
     scheme_work: int  # column of the energy that a decaying scheme takes, or -1
 
 
@@ -125,7 +125,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         rate=np.zeros(conditions),
         gauss=gauss,
         weight=weight,
-        signals=signals.new_stages(workspace.system.forces.signals, integral, weight),
+        signals=new_stages(workspace.system.forces.signals, integral, weight),
         scheme_work=state.work.size - 1 if decays else -1,
     )
 
@@ -304,11 +304,11 @@ def set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, tau
         set_basis_weights(output, level, tau * output.gauss[i])
         interpolate(output, h, tau * output.gauss[i])
         forces.set_prepared_inputs(group, own, workspace.system.scalar)
-        signals.save_inputs(group, own.signals, output.signals, i)
+        states.save_inputs(group, own.signals, output.signals, i)
     for k in range(begin.auxiliary.size):
         workspace.state.auxiliary[k] = begin.auxiliary[k]
-    signals.solve_stages(group, own.signals, output.signals, begin.auxiliary, tau * h)
-    signals.accept_stages(group, output.signals, tau * h, workspace.state.auxiliary)
+    states.solve(group, own.signals, output.signals, begin.auxiliary, tau * h)
+    states.accept(group, output.signals, tau * h, workspace.state.auxiliary)
     if tau >= 1.0:
         for k in range(begin.auxiliary.size):
             workspace.state.auxiliary[k] = output.end.auxiliary[k]
@@ -323,7 +323,7 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
     beams.set_strains(workspace.system.beams, workspace.start.beams)
     group, own = workspace.system.forces.signals, workspace.start.forces.signals
-    signals.save_reactions(group, own, output.begin.reaction)
+    inputs.save_reactions(group, own, output.begin.reaction)
     scalar.count_rotations(workspace.system.scalar, workspace.start.scalar, workspace.state.angle)
 
 
@@ -401,7 +401,7 @@ def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> No
         for i in range(output.gauss.size):
             set_basis_weights(output, last, tau * output.gauss[i])
             interpolate(output, h, tau * output.gauss[i])
-            signals.set_state(group, own, output.signals, i)
+            states.set_state(group, own, output.signals, i)
             accelerations.accelerate(workspace.system, workspace.state, workspace.start, instant)
             _add_work(output, instant, h * tau * output.weight[i])
     if output.scheme_work >= 0:

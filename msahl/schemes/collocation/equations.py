@@ -52,7 +52,6 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import signals
 from msahl.elements.beams import instant
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
@@ -65,7 +64,8 @@ from msahl.elements.frames import (
     moving_count,
     rotation_node,
 )
-from msahl.elements.signals import Signals
+from msahl.elements.signals import states
+from msahl.elements.signals.group import Signals
 from msahl.jit.kernel import kernel, optional, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import jacobian, local_rotation
@@ -111,7 +111,7 @@ def evaluate(
             jacobian.add_constraints(system, stages, h, row, k)
         elif fresh:
             jacobian.add_forces(system, start, stages, h, i)
-    signals.refuse_stages(system.forces.signals, stages.signals, stages.F)
+    states.refuse(system.forces.signals, stages.signals, stages.F[0])
     length = 0.0
     for k in range(tableau.force_weight.size):
         length = max(length, step_length(system, start, h, stages.Z[k]))
@@ -181,12 +181,12 @@ def _solve_auxiliary_states(
             forces.set_signal_inputs(
                 group, stages.start.forces, system.scalar, system.frames, stages.at_rest
             )
-            signals.save_inputs(group, own, stages.signals, i)
+            states.save_inputs(group, own, stages.signals, i)
             if fresh:
                 jacobian.save_input_derivatives(group, system, stages, i)
-    signals.solve_stages(group, own, stages.signals, state.auxiliary, h)
+    states.solve(group, own, stages.signals, state.auxiliary, h)
     if fresh:
-        signals.set_stage_slopes(group, own, stages.signals, h)
+        states.set_slopes(group, own, stages.signals, h)
 
 
 @kernel
@@ -244,7 +244,7 @@ def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: i
     group, reaction, dt = system.scalar, stages.reaction[i], h * stages.tableau.force_weight[i]
     scalar.rates(group, node.scalar, frames, node.frames, stages.at_rest)
     forces.set_node(system.forces, node.forces, stages.factor[i])
-    signals.set_state(system.forces.signals, node.forces.signals, stages.signals, i)
+    states.set_state(system.forces.signals, node.forces.signals, stages.signals, i)
     Z, F = stages.Z[i], stages.F[i]
     forces.set_stage_loads(system.forces, node.forces, group, frames, h, Z, F)
     forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
@@ -340,7 +340,7 @@ def accept(
     frames, bodies, s = system.frames, system.bodies, stages.tableau.force_weight.size
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
-    signals.accept_stages(system.forces.signals, stages.signals, h, state.auxiliary)
+    states.accept(system.forces.signals, stages.signals, h, state.auxiliary)
     for node in range(stages.last_load_scale.size):
         stages.last_load_scale[node] = 0.0
     scalar.raise_term_sizes(system.scalar, stages.start.scalar, 1.0, stages.last_load_scale)

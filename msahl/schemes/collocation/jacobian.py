@@ -25,12 +25,12 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import PARTS, Q_A, add_block
 from msahl.elements.frames import first_multiplier, rotation_node
-from msahl.elements.signals import Signals
+from msahl.elements.signals import inputs, results, states
+from msahl.elements.signals.group import Signals
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
@@ -98,7 +98,7 @@ def _differentiate_forces(system: System, stages: StageArrays, h: float, i: int)
     for e in range(position.size):
         position[e], rate[e] = 0.0, 0.0
     group, out = system.scalar, stages.derivatives
-    signals.take_slopes(system.forces.signals, node.forces.signals, stages.signals, i, i)
+    states.take_slopes(system.forces.signals, node.forces.signals, stages.signals, i, i)
     scalar.differentiate(group, node.scalar, frames, out.still)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
     forces.add_stage_derivatives(system.forces, node.forces, group, frames, h, out)
@@ -253,7 +253,7 @@ def save_input_derivatives(group: Signals, system: System, stages: StageArrays, 
         for part in range(PARTS):
             place = at(node.signals.by_place[j], part)
             rate = at(node.signals.by_rate[j], part)
-            f = signals.frame_of_part(group, system.scalar, j, part)
+            f = inputs.frame_of_part(group, system.scalar, j, part)
             if f >= 0 and part % 2 == Q_A % 2:
                 H = transpose(matrix_at(stages.tangent, f))
                 c, c_dot = at(stages.parameters, f), at(stages.parameter_rates, f)
@@ -274,9 +274,9 @@ def _enter_other_stages(
     for m in range(stages.tableau.force_weight.size if group.rate.size > 0 else 0):
         if m == i:
             continue
-        signals.take_slopes(group, own, stages.signals, i, m)
+        states.take_slopes(group, own, stages.signals, i, m)
         for r in range(group.result.size):
-            signals.set_gradient(group, own, r)
+            results.set_gradient(group, own, r)
             forces.set_result_row(
                 system.forces, stages.start.forces, system.scalar, system.frames, 1.0, r, own.row
             )

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements import signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.frames import first_multiplier
+from msahl.elements.signals import inputs, states
+from msahl.elements.signals.group import use_reactions
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
 from msahl.linalg.elimination import Elimination, new_factor
@@ -148,7 +149,7 @@ def update_reactions(
         if i < 0:
             continue
         set_node(system, state, stages, h, n)
-        signals.set_state(system.forces.signals, stages.start.forces.signals, stages.signals, i)
+        states.set_state(system.forces.signals, stages.start.forces.signals, stages.signals, i)
         copy(stages.reaction[i], stages.state.reaction)
         accelerations.accelerate(system, stages.state, stages.start, instant)
         copy(stages.state.reaction, stages.reaction[i])
@@ -217,7 +218,7 @@ def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
     violation, rate = workspace.monitor.violation, workspace.monitor.rate
     equations.accept(system, state, start, stages, h)
     accelerations.project_velocities(system, state, start, violation, rate, subsystem.instant)
-    if signals.use_reactions(system.forces.signals):
+    if use_reactions(system.forces.signals):
         _save_reactions(subsystem)
     for k in range(state.violation.shape[0]):
         for i in range(3):
@@ -239,7 +240,7 @@ def _save_reactions(subsystem: CollocationWorkspace) -> None:
     copy(state.force, instant.force)
     accelerations.accelerate(system, state, start, instant)
     copy(instant.force, state.force)
-    signals.save_reactions(system.forces.signals, start.forces.signals, state.reaction)
+    inputs.save_reactions(system.forces.signals, start.forces.signals, state.reaction)
 
 
 @kernel

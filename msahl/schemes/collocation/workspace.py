@@ -18,7 +18,6 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import signals
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
@@ -31,6 +30,8 @@ from msahl.elements.frames import (
     moving_count,
     rotation_node,
 )
+from msahl.elements.signals import inputs
+from msahl.elements.signals.group import Stages, new_stages
 from msahl.jit.kernel import kernel, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
@@ -83,7 +84,7 @@ class StageArrays(NamedTuple):
     values: np.ndarray  # (q, s, s) the Jacobian, by stage of the unknown, then of the equation
     momentum_slopes: np.ndarray  # (6, 3, 3) of a body: see ``jacobian._add_rotational_inertia``
     momentum_loads: np.ndarray  # (2, 3) force and momentum of a body
-    signals: signals.Stages  # None where the system has none
+    signals: Stages  # None where the system has none
     load_scale: np.ndarray  # (nodes,) largest part of a load along a coordinate, by node [m]
     last_load_scale: np.ndarray  # (nodes,) of these near the end of the last step, by h^2
     # For the next prediction
@@ -117,9 +118,7 @@ def new_stage_arrays(
         momentum_slopes=np.zeros((6, 3, 3)),
         momentum_loads=np.zeros((2, 3)),
         factor=forces.new_node_factors(system.forces, degree),
-        signals=signals.new_stages(
-            system.forces.signals, tableau.force_integral, tableau.force_weight
-        ),
+        signals=new_stages(system.forces.signals, tableau.force_integral, tableau.force_weight),
         **entries,
         **_node_arrays(system, state),
         **_step_arrays(system, state, degree),
@@ -231,7 +230,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
     if not bare:
         evaluate.prepare(system, node, stages.start)
         instant.set_strains(system.beams, stages.start.beams)
-        signals.save_reactions(system.forces.signals, stages.start.forces.signals, state.reaction)
+        inputs.save_reactions(system.forces.signals, stages.start.forces.signals, state.reaction)
     for b in range(moving_count(frames)):
         put(
             stages.start.frames.W,

@@ -39,7 +39,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import rigid_body, signals
+from msahl.elements import rigid_body
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
@@ -50,6 +50,7 @@ from msahl.elements.frames import (
     rotation_increment,
     rotation_node,
 )
+from msahl.elements.signals import results
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
@@ -182,7 +183,7 @@ def accept(
     frames, t, h2 = system.frames, state.time[0], dt2(system, h)
     decay, loss, gained = system.decay, 0.0, 0.0
     forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
-    signals.accept(system.forces.signals, start.forces.signals, h, state.auxiliary)
+    results.accept(system.forces.signals, start.forces.signals, h, state.auxiliary)
     beams.accept(system.beams, start.beams, h, state.strain, state.work)
     forces.accept(system.forces, start.forces, system.scalar)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)

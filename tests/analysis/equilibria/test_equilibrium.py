@@ -10,8 +10,8 @@ from msahl.algebra.rotation import from_axis_angle
 from msahl.algebra.vector import ZERO
 from msahl.analysis.equilibria import search as equilibrium_search
 from msahl.analysis.equilibria.equilibrium import solve
+from msahl.analysis.equilibria.equilibrium_lines import lines
 from msahl.analysis.equilibria.load_path import Path
-from msahl.analysis.equilibria.report import lines
 from msahl.analysis.equilibria.search import all_equilibria, by_continuation, find
 from msahl.analysis.equilibria.stability import growing, is_stable, stability
 from msahl.analysis.linearised.coefficients import coefficients

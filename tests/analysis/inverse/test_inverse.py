@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import msahl
+from msahl.algebra.vector import ZERO
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.given import Measures
-from msahl.analysis.inverse.report import verdict
 from msahl.analysis.inverse.solution import inverse
 from msahl.analysis.inverse.splines import derived
 from msahl.analysis.inverse.table import Track, motion_of_table, product, spins
+from msahl.analysis.inverse.verdict import verdict
 from msahl.analysis.linearised.point import at_start
-from msahl.model import Joint
+from msahl.model import Friction, Joint
 from tests.support.models import GROUND, ROOT, body, build_model
 
 DECKS = ROOT / "decks"
@@ -234,6 +235,22 @@ def test_torques_of_a_level_arm_at_rest():
     expected = [-9.81 * sum(j - k + 0.5 for j in range(k, rods)) for k in range(rods)]
     assert found.rows.loads[4] == pytest.approx(expected, rel=1e-13)
     assert np.all(found.rows.power == 0.0)
+
+
+def test_friction_of_an_arm_is_by_the_reactions_of_the_same_time():
+    """They change by some newtons from row to row, and friction is added to what the motor does."""
+    mass, length, speed, friction = 2.0, 0.5, 6.0, 0.03
+    rod = body("Arm", mass, 0.1, (length, 0.0, 0.0))
+    hinge = Joint("J", "revolute", GROUND.name, "Arm", ZERO, (-length, 0.0, 0.0), ABOUT_Y, ABOUT_Y)
+    rub = Friction("Rub", "J", "angle", 0.3, friction / 0.3, 1e-3)
+    model = build_model([rod], [hinge], [rub], gravity=(0.0, 0.0, -9.81))
+    time = 0.1 * np.arange(10)
+    motion = motion_of_table(["time", "J.angle"], np.stack([time, speed * time], 1), model, "table")
+    found = inverse(model, motion, ["J.angle"]).rows.loads[:, 0]
+    c, s = np.cos(speed * time), np.sin(speed * time)
+    force = mass * np.hypot(speed**2 * length * c, speed**2 * length * s + 9.81)
+    assert np.abs(np.diff(force)).max() > 5.0
+    assert found == pytest.approx(friction * force - 9.81 * mass * length * c, abs=1e-10)
 
 
 def test_actuators_that_are_not_named_keep_their_laws():

@@ -9,9 +9,9 @@ import pytest
 from msahl.algebra.functions import Law
 from msahl.algebra.rotation import matrix
 from msahl.analysis.kinematics import solution as kinematics
-from msahl.analysis.kinematics.report import report_of
 from msahl.analysis.kinematics.solution import follow, output_times, prepare
 from msahl.analysis.kinematics.tables import integrals
+from msahl.analysis.kinematics.verdict import report_of
 from msahl.deck import read_deck
 from msahl.model import JointMotion, Options, PointMotion
 from msahl.model.settings import OFF, YES

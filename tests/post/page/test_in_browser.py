@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import pytest
 
-from msahl.analysis.inverse import report as inverse_report
+from msahl.analysis.inverse import verdict as inverse_verdict
 from msahl.post import run_report
 from msahl.post.graph_data import Graph, Group
 from msahl.post.metrics import compute_metrics
@@ -42,7 +42,7 @@ DRAWN = """() => [...document.querySelectorAll('.plot canvas')].map((canvas) => 
 
 
 def test_every_check_has_a_name_for_readers():
-    sources = inspect.getsource(verdict) + inspect.getsource(inverse_report)
+    sources = inspect.getsource(verdict) + inspect.getsource(inverse_verdict)
     found = re.findall(r'Finding\("(\w+)"', sources)
     others = {"linearMomentum", "angularMomentum", "errorForces"}
     assert {*found, *others} == set(run_report.CHECKS)

@@ -8,12 +8,13 @@ import pytest
 from click.testing import CliRunner
 
 import msahl.run.loop
+from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.model import Options
+from msahl.model import ConcentratedLoad, Joint, Options
 from tests.run.test_resume import advance, bits, in_two_parts
 from tests.support.closed_forms import recognise
-from tests.support.models import DECKS, body, build_model, deck, simulate
+from tests.support.models import DECKS, GROUND, body, build_model, deck, simulate
 from tests.system.test_nonfinite import push
 
 SINGLE = next(path for path in DECKS if path.stem == "single_pendulum_45")
@@ -75,6 +76,33 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
     assert report.step_control["rejectedPairs"] > 0
     assert report.step_control["stepMin"] < 0.3 * report.step_control["stepMax"]
     assert report.extremes["constraintViolationMax"] <= 1e-12
+
+
+def wheel(speed=0.0, moment=0.0, **others):
+    """A wheel of 1 kg m^2 on an axle along z under a constant moment."""
+    bob = body("Wheel", inertia=(1.0, 1.0, 1.0), angular_velocity=(0.0, 0.0, speed))
+    axle = Joint("Axle", "revolute", GROUND.name, bob.name, ZERO, ZERO)
+    load = ConcentratedLoad("Motor", bob.name, ZERO, ZERO, GROUND.name, (0.0, 0.0, moment),
+                            GROUND.name)  # fmt: skip
+    return build_model([bob], [axle], [load], **others)
+
+
+def test_a_step_rotates_bodies_by_less_than_counting_of_revolutions_needs():
+    """1.5 rad in a pair of steps: a wheel at constant speed has no error that would limit them."""
+    model, speed = wheel(speed=20.0), 20.0
+    run = simulate(adaptive(model, 1e-3), dt=0.01, t_final=1.0)
+    assert run.report.step_control["stepMax"] == pytest.approx(0.75 / speed, rel=1e-12)
+    # One revolution more or less would be 6.28 rad.
+    assert run.others["joints"][-1, 1] == pytest.approx(speed, abs=0.01)
+
+
+def test_a_step_in_which_a_body_begins_to_rotate_is_limited_as_well():
+    """From rest the speed at the start of a pair limits nothing, that at its end does. A rotation
+    by a constant acceleration is exact by every degree, so nothing else limits the step.
+    """
+    acceleration = 200.0
+    run = simulate(adaptive(wheel(moment=acceleration), 1e-1), dt=0.2, t_final=0.4)
+    assert run.others["joints"][-1, 1] == pytest.approx(0.08 * acceleration, abs=0.01)
 
 
 def test_steps_do_not_depend_on_the_clock(monkeypatch):

@@ -5,7 +5,7 @@ import numpy as np
 from msahl.analysis.modes.campbell import Campbell, Critical
 from msahl.analysis.modes.files import Over
 from msahl.analysis.modes.following import Spectrum
-from msahl.analysis.modes.report import counted
+from msahl.analysis.modes.mode_lines import counted
 
 MOST_LINES = 40
 """Modes that are listed; the table has all."""
@@ -77,12 +77,12 @@ def warnings(found: Campbell, over: Over) -> list[str]:
     """Return what was not computed, and where the modes are not those of an equilibrium."""
     lines = [f"{_at(over, value)}: {why}" for value, why in found.failures]
     spectra = found.followed.spectra
-    told: dict[str, list[float]] = {}
+    by_text: dict[str, list[float]] = {}
     for spectrum in spectra:
         for text in spectrum.modes.warnings:
             kind = text.partition(":")[0] if "no equilibrium" in text else text
-            told.setdefault(kind, []).append(spectrum.value)
-    for text, values in told.items():
+            by_text.setdefault(kind, []).append(spectrum.value)
+    for text, values in by_text.items():
         where = f"at {len(values)} of {len(spectra)} values, first at {_at(over, values[0], 9)}"
         lines.append(f"{where}: {text}")
     return lines

@@ -3,7 +3,7 @@
 import numpy as np
 
 from msahl.analysis.linear_models.model import LinearModel, Quantity
-from msahl.analysis.modes.report import counted
+from msahl.analysis.modes.mode_lines import counted, title_line
 
 MOST = 12
 """States, inputs, outputs and poles that are printed; a file has all."""
@@ -11,13 +11,9 @@ MOST = 12
 
 def report(model: LinearModel) -> list[str]:
     """Return what was linearised, where, and how it reacts."""
-    state = model.equilibrium
-    kind = "equilibrium" if state.at_rest else "steady motion"
-    kind = kind if state.holds else "no equilibrium"
     m = len(model.states)
-    lines = [
-        f"{model.title or 'model'} at t = {model.time:.9g} s: {kind}, residual "
-        f"{state.residual:.3g} N ({state.relative:.1e} of the largest force)",
+    return [
+        title_line(model.title, model.time, model.equilibrium),
         f"{counted(m, 'state')} ({model.chosen}, condition {model.accuracy.condition:.1f}), "
         f"{counted(len(model.inputs), 'input')}, {counted(len(model.outputs), 'output')}; "
         f"{counted(model.redundant, 'redundant constraint equation')}",
@@ -30,7 +26,6 @@ def report(model: LinearModel) -> list[str]:
         *_poles(model.poles),
         *_gains(model),
     ]
-    return lines
 
 
 def _table(kind: str, each: tuple[Quantity, ...]) -> list[str]:

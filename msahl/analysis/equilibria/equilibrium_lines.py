@@ -11,7 +11,7 @@ from msahl.analysis.equilibria.equilibrium import Solution
 from msahl.analysis.equilibria.stability import stability
 from msahl.analysis.equilibria.tables import state_row
 from msahl.analysis.linearised.point import Point
-from msahl.analysis.modes.report import counted
+from msahl.analysis.modes.mode_lines import counted
 
 MOST_BODIES = 20
 """Bodies whose places are printed; the table has all."""

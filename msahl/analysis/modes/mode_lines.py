@@ -3,6 +3,7 @@
 import numpy as np
 
 from msahl.analysis.linearised.point import Point
+from msahl.analysis.linearised.steady import Equilibrium
 from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes
 from msahl.model import SignalState
 
@@ -41,11 +42,8 @@ def report(point: Point, found: Modes, most: int = MOST_LINES) -> list[str]:
 def _head(point: Point, found: Modes) -> list[str]:
     """Return what is linearised, and how far it is from an equilibrium."""
     state = found.equilibrium
-    kind = "equilibrium" if state.at_rest else "steady motion"
-    kind = kind if state.holds else "no equilibrium"
     lines = [
-        f"{point.model.simulation.title or 'model'} at t = {point.time:.9g} s: {kind}, residual "
-        f"{state.residual:.3g} N ({state.relative:.1e} of the largest force)",
+        title_line(point.model.simulation.title, point.time, state),
         f"{counted(found.degrees_of_freedom, 'degree', 'degrees')} of freedom, "
         f"{counted(found.redundant, 'redundant constraint equation')}",
     ]
@@ -53,6 +51,16 @@ def _head(point: Point, found: Modes) -> list[str]:
         axes = ", ".join(f"{w:.9g}" for w in state.axes)
         lines.append(f"seen in axes that rotate with ({axes}) rad/s")
     return lines
+
+
+def title_line(title: str, time: float, state: Equilibrium) -> str:
+    """Return the title of a model with what it is in at the ``time`` [s] of its linearisation."""
+    kind = "equilibrium" if state.at_rest else "steady motion"
+    kind = kind if state.holds else "no equilibrium"
+    return (
+        f"{title or 'model'} at t = {time:.9g} s: {kind}, residual {state.residual:.3g} N "
+        f"({state.relative:.1e} of the largest force)"
+    )
 
 
 def _line(point: Point, found: Modes, m: int) -> str:

@@ -1,0 +1,179 @@
+"""Signals of a system as arrays, what they need of a configuration, and questions at set-up."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.elements.constraints.products import PARTS
+from msahl.elements.constraints.scalar import ScalarConstraints
+from msahl.expressions.tape import Tape, Values, new_values
+from msahl.jit.kernel import optional
+
+TIME, COORDINATE, RATE, POSITION, VELOCITY, QUATERNION, SPIN, REACTION = range(8)
+
+
+class Signals(NamedTuple):
+    """Inputs, states and results of all expressions of a system.
+
+    Inputs of the tape are y (inputs), then s (states). A result enters the equations of motion; its
+    *entries* are the inputs that it depends on, directly or by states, and its *columns* the nodes
+    of the frames that these depend on.
+    """
+
+    tape: Tape
+    kind: np.ndarray  # (y,)
+    item: np.ndarray  # (y,) coordinate, marker or joint
+    component: np.ndarray  # (y,) axis, or component of a quaternion or a reaction
+    origin: np.ndarray  # (y,) added to a coordinate's value [m or rad]
+    counted: np.ndarray  # coordinates whose angle begins with its own value, not with zero
+    frame: np.ndarray  # (p,) of each marker
+    s: np.ndarray  # (p, 3) from the frame's origin, its axes [m]
+    axes: np.ndarray  # (p, 3, 3) the marker's axes as rows, axes of the frame
+    quaternion: np.ndarray  # (p, 4) of these axes
+    rate: np.ndarray  # (n,) places on the tape of the states' rates
+    result: np.ndarray  # (r,) likewise of the results
+    shown: np.ndarray  # (k,) likewise of the published values
+    stop: np.ndarray  # (m,) likewise of the margins of conditions that end the run
+    first_entry: np.ndarray  # (r + 1,)
+    entry_input: np.ndarray  # (e,)
+    entry_column: np.ndarray  # (e, 4) among the result's columns, of the input's parts; or -1
+    first_column: np.ndarray  # (r + 1,)
+    block: np.ndarray  # (c, 4) starts of the blocks: by columns, by the parts the result acts on
+    acting: np.ndarray  # (r, 4) frames of these parts
+
+
+class Stages(NamedTuple):
+    """The auxiliary states at the s force nodes of a collocation step, and their derivatives.
+
+    A step of the midpoint element has one node, with A = 1/2 and b = 1.
+    """
+
+    integral: np.ndarray  # (s, s) A_il
+    weight: np.ndarray  # (s,) b_i
+    input: np.ndarray  # (s, y)
+    state: np.ndarray  # (s, n) S_i
+    rate: np.ndarray  # (s, n) f there
+    rate_by_input: np.ndarray  # (s, n, y)
+    rate_by_state: np.ndarray  # (s, n, n)
+    matrix: np.ndarray  # (s n, s n) 1 - h A f_s, and its factors
+    pivot: np.ndarray  # (s n,)
+    right: np.ndarray  # (s n,)
+    slope: np.ndarray  # (s, s, e) of the results at c_i by their entries at c_j
+    by_place: np.ndarray  # (s, y, 4, 3) of the inputs, by the unknowns' values at the node
+    by_rate: np.ndarray  # (s, y, 4, 3) and by their rates
+
+
+class SignalsWorkspace(NamedTuple):
+    """What the expressions need of a configuration, and their results."""
+
+    values: Values
+    time: np.ndarray  # (1,) [s]
+    state: np.ndarray  # (n,) s at the configuration
+    place: np.ndarray  # (p, 3) markers, inertial axes [m]
+    arm: np.ndarray  # (p, 3) from the frames' origins [m]
+    direction: np.ndarray  # (p, 3, 3) axes as rows, inertial axes
+    euler: np.ndarray  # (p, 4) quaternions
+    change: np.ndarray  # (p, 3) of the markers' places over a step [m]; in a configuration, by time
+    rotation: np.ndarray  # (p, 3) Q of their frames [rad]; in a configuration W
+    reaction: np.ndarray  # (j, 6) of the accepted step before [N, N m]
+    size: np.ndarray  # (y,) of which an input carries the round-off
+    result: np.ndarray  # (r,)
+    result_size: np.ndarray  # (r,) what a result counts as among the terms of its equations
+    by_input: np.ndarray  # (e,) derivative of the results by their entries
+    by_place: np.ndarray  # (y, 4, 3) of the inputs by the unknowns of their parts, or by places
+    by_rate: np.ndarray  # (y, 4, 3) by the rates of these
+    gradient: np.ndarray  # (most columns, 3) of one result
+    gradient_rate: np.ndarray  # (most columns, 3)
+    row: np.ndarray  # (4, 3) what a unit of the result adds to the rows of its parts
+    step: Stages  # of the midpoint element
+
+
+def new_workspace(group: Signals | None, joints: int) -> Any:
+    """Return the work arrays, None where there are no signals; ``joints`` is their number."""
+    if group is None:
+        return None
+    y, n, p, r = group.kind.size, group.rate.size, group.frame.size, group.result.size
+    most = int(np.diff(group.first_column).max(initial=0))
+    return SignalsWorkspace(
+        values=new_values(group.tape),
+        time=np.zeros(1),
+        state=np.zeros(n),
+        place=np.zeros((p, 3)),
+        arm=np.zeros((p, 3)),
+        direction=np.zeros((p, 3, 3)),
+        euler=np.zeros((p, 4)),
+        change=np.zeros((p, 3)),
+        rotation=np.zeros((p, 3)),
+        reaction=np.zeros((joints, 6)),
+        size=np.zeros(y),
+        result=np.zeros(r),
+        result_size=np.zeros(r),
+        by_input=np.zeros(group.entry_input.size),
+        by_place=np.zeros((y, PARTS, 3)),
+        by_rate=np.zeros((y, PARTS, 3)),
+        gradient=np.zeros((most, 3)),
+        gradient_rate=np.zeros((most, 3)),
+        row=np.zeros((PARTS, 3)),
+        step=new_stages(group, np.array([[0.5]]), np.ones(1)),
+    )
+
+
+def new_stages(group: Signals | None, integral: np.ndarray, weight: np.ndarray) -> Any:
+    """Return the arrays for the nodes with this ``integral`` and ``weight``; None without group."""
+    if group is None:
+        return None
+    s, y, n = weight.size, group.kind.size, group.rate.size
+    return Stages(
+        integral=integral,
+        weight=weight,
+        input=np.zeros((s, y)),
+        state=np.zeros((s, n)),
+        rate=np.zeros((s, n)),
+        rate_by_input=np.zeros((s, n, y)),
+        rate_by_state=np.zeros((s, n, n)),
+        matrix=np.zeros((s * n, s * n)),
+        pivot=np.zeros(s * n, dtype=np.int64),
+        right=np.zeros(s * n),
+        slope=np.zeros((s, s, group.entry_input.size)),
+        by_place=np.zeros((s, y, PARTS, 3)),
+        by_rate=np.zeros((s, y, PARTS, 3)),
+    )
+
+
+@optional(False)
+def use_reactions(group: Signals) -> bool:
+    """Return whether an expression depends on joints' reactions."""
+    found = False
+    for j in range(group.kind.size):
+        found = found or group.kind[j] == REACTION
+    return found
+
+
+def coordinates_of(group: Signals | None) -> np.ndarray:
+    """Return the numbers of the coordinates on which expressions depend."""
+    if group is None:
+        return np.zeros(0, dtype=np.int64)
+    return group.item[np.isin(group.kind, (COORDINATE, RATE))]
+
+
+def renumbered(group: Signals | None, number: np.ndarray) -> Signals | None:
+    """Return the signals with coordinate q as number[q]."""
+    if group is None:
+        return None
+    of_coordinates = np.isin(group.kind, (COORDINATE, RATE))
+    item = group.item.copy()
+    item[of_coordinates] = number[item[of_coordinates]]
+    return group._replace(item=item, counted=number[group.counted])
+
+
+def begin_angles(
+    group: Signals | None, scalar: ScalarConstraints | None, place: Any, angle: np.ndarray
+) -> bool:
+    """Set the counted ``angle`` (q,) of angles that begin with their own value to these in the
+    prepared state; return whether there are any. ``place`` is a ``ScalarWorkspace``.
+    """
+    if group is None or scalar is None or not group.counted.size:
+        return False
+    m, first = place.coordinates.products.value, scalar.coordinates.first[group.counted]
+    angle[group.counted] = np.arctan2(m[first], m[first + 1])
+    return True
