@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from msahl.api.derivatives import GradientError, Gradients
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
+    from msahl.check import ModelError
     from msahl.deck import DeckError
     from msahl.results.info import ResultError
     from msahl.run.options import OptionError
@@ -29,6 +30,7 @@ __all__ = [
     "Gradients",
     "InverseError",
     "Model",
+    "ModelError",
     "OptionError",
     "Result",
     "ResultError",
@@ -45,6 +47,7 @@ _PLACES = {
     "GradientError": "msahl.api.derivatives",
     "Gradients": "msahl.api.derivatives",
     "Model": "msahl.api.model",
+    "ModelError": "msahl.check",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",
     "ResultError": "msahl.results.info",

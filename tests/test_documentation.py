@@ -1,5 +1,6 @@
 """The documentation names files, functions and options that exist, in the project's words."""
 
+import ast
 import importlib.util
 import re
 import shutil
@@ -43,6 +44,49 @@ def test_files_named_in_a_page_exist(page):
         if not any((folder / path).exists() for folder in folders)
     ]
     assert missing == []
+
+
+PACKAGE = ROOT / "msahl"
+PACKAGES = {path.name for path in PACKAGE.iterdir() if path.is_dir()} - {"start"}
+"""Packages of msahl; ``start`` is also what kernels call a workspace."""
+
+
+SUFFIXES = (".csv", ".json", ".html", ".part")
+"""Ends of the names of files that runs write."""
+
+
+def named_places(path):
+    """The places in packages, such as ``system.state``, that docstrings of a module name."""
+    tree = ast.parse(path.read_text())
+    texts = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant)]
+    for text in filter(lambda text: isinstance(text, str), texts):
+        for place in re.findall(r"``(?:msahl\.)?([a-z_]+(?:\.\w+)+)(?:\(\))?``", text):
+            if place.partition(".")[0] in PACKAGES and not place.endswith(SUFFIXES):
+                yield place
+
+
+def exists(place):
+    """Whether a module of a package, or a name in one, is there; subpackages may be omitted."""
+    head, *names = place.split(".")
+    for path in (PACKAGE / head).rglob("*.py"):
+        known = (*path.relative_to(PACKAGE).parts, path.stem)
+        left = [name for name in names if name not in known]
+        if not left or (left == names[-1:] and re.search(rf"\b{left[0]}\b", path.read_text())):
+            return True
+    return False
+
+
+def test_modules_that_docstrings_name_exist():
+    missing = [
+        f"{path.relative_to(ROOT)}: {place}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for place in named_places(path)
+        if not exists(place)
+    ]
+    assert missing == []
+    assert exists("analysis.equilibria.begin")
+    assert not exists("system.reduce")
+    assert not exists("system.state.no_such_name")
 
 
 def functions_of(heading):
@@ -106,7 +150,8 @@ def load_tool(name):
 @pytest.mark.parametrize(
     ("line", "word"),
     [
-        ("gapRateMax = 1", "gap"),
+        ("islandRateMax = 1", "island"),
+        ("the gap of a contact", None),
         ("def turn_of(b):", "turn"),
         ("What is left out", "left out"),
         ("return the number of degrees of freedom", None),

@@ -37,24 +37,7 @@ class Term:
     instead: str
     # Phrases that contain the word in another, ordinary sense.
     allowed: str = ""
-    # Files to look at; all if empty.
-    files: tuple[str, ...] = ()
 
-
-# Where products, coordinates and constraint equations are the subject.
-MECHANICS = (
-    "msahl/algebra/*",
-    "msahl/elements/*",
-    "msahl/jit/*",
-    "msahl/joints/*",
-    "msahl/linalg/*",
-    "msahl/schemes/*",
-    "msahl/start/*",
-    "msahl/system/*",
-    "docs/adding*",
-    "docs/architecture.md",
-    "docs/theory.md",
-)
 
 TERMS = (
     Term(
@@ -62,7 +45,6 @@ TERMS = (
         "rotation, rotation increment, rotate, revolution",
         allowed=r"in turn\b|turn(s|ed|ing)? (on|off|out|into|back|to)\b|turning points?",
     ),
-    Term(r"gaps?", "constraint violation (position level); distance"),
     Term(
         r"joints? (are |were )?(closed|open|opened|opens|part|kept) (at up )?to",
         "constraint violation",
@@ -87,15 +69,7 @@ TERMS = (
     ),
     Term(r"(leaves?|leaving|left) (\w+ )?out", "omits; default; model reductions"),
     Term(r"islands?", "independent subsystems"),
-    Term(
-        r"quantit(y|ies)",
-        "coordinate (of a joint), constraint function",
-        allowed=r"quantit(y|ies) of units?|physical quantit(y|ies)",
-        files=MECHANICS,
-    ),
-    Term(r"measures?", "scalar product", allowed="to measure", files=MECHANICS),
     Term(r"joint rows?|rows? of joints?|row law", "constraint equation"),
-    Term(r"drives?", "joint motion (prescribed)"),
     Term(
         r"shadow(s|ed)?",
         "companion run, reference run",
@@ -103,10 +77,7 @@ TERMS = (
         allowed=r"shadow (set|parameters)",
     ),
     Term(r"paces?|paced", "step-size control"),
-    Term(r"watch(es|ed|ing)?", "monitor"),
     Term(r"culprits?", "worst residual; element with a NaN"),
-    Term(r"charts?", "local parametrisation"),
-    Term(r"kinks?", "breakpoints"),
     Term(r"halvings?|in halves|in \d+ parts", "step subdivisions (substeps)"),
     Term(
         r"spread (over|of)( the| their| its)?( jacobian s)? pivots?|pivots? spread", "pivot ratio"
@@ -115,7 +86,8 @@ TERMS = (
     Term(r"dearest", "most expensive"),
     Term(r"quicke(r|st)", "faster, fastest"),
     Term(r"whole", "complete", allowed=r"whole numbers?|(as a|on the) whole"),
-    Term(r"rooms?|guests?|houses?", "say what it is (workspace, module)"),
+    Term(r"rooms?|guests?|houses?|desks?", "say what it is (workspace, module)"),
+    Term(r"foresight", "prediction"),
 )
 
 
@@ -130,21 +102,8 @@ class Allowance:
 
 EXCEPTIONS = (
     Allowance("tools/check_words.py", "", "the list itself"),
-    Allowance("CHANGELOG.md", r"^\| ", "tables of old names and new ones"),
-    Allowance(
-        "msahl/deck/diagnosis.py",
-        r'^    "\w+": "\w+",$',
-        "old names in decks, which messages answer with the new ones",
-    ),
-    Allowance("tests/deck/test_faults.py", r"called|turn=|<gap>|drive>", "the test of these"),
     Allowance("tests/test_documentation.py", "", "the test of the list"),
-    Allowance("*inverse*", r"[Dd]rive", "the unknown loads of inverse dynamics"),
-    Allowance(
-        "*", r"drives\.csv|inverse\.drives|\.drives\b|`drives`", "the table and the module of these"
-    ),
-    Allowance("*", r"--watch\b", "the option's name in other programs"),
-    Allowance("msahl/post/web/*.css", r"\b(gap|box-shadow): ", "a property of CSS"),
-    Allowance("tests/deck/test_faults.py", r"drive>|freedom>|turn=|called", "old names in a deck"),
+    Allowance("msahl/post/web/*.css", r"\bbox-shadow: ", "a property of CSS"),
 )
 
 COMPILED = [
@@ -171,8 +130,6 @@ def findings_of(path: str, before: str, line: str) -> Iterator[tuple[str, str]]:
     tail = " ".join(in_words(before).split()[-3:]) + " "
     words = tail + in_words(line)
     for pattern, allowed, term in COMPILED:
-        if term.files and not any(fnmatch(path, each) for each in term.files):
-            continue
         text = allowed.sub(lambda match: "." * len(match[0]), words) if allowed else words
         for found in pattern.finditer(text):
             if found.end() > len(tail) and not is_exception(path, line):

@@ -9,7 +9,7 @@ from scipy.optimize._minpack_py import _minpack
 from benchmarks.convergence.element import Chain, Start, State, jacobian, matrix, residual
 from msahl.algebra.rotation import compose
 from msahl.deck import read_deck
-from msahl.study.start import first_state
+from msahl.study.dynamics import first_state
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 

@@ -44,7 +44,7 @@ class Gradients:
             (
                 measure,
                 name,
-                *(float(of) for of in (self.values[i], self.jacobian[i, j])),
+                *(float(value) for value in (self.values[i], self.jacobian[i, j])),
                 self.units[i][j],
                 float(self.errors[i, j]),
             )
@@ -56,8 +56,8 @@ class Gradients:
         """Return the rows for ``run.json``; what is not known is null."""
         return [
             {
-                name: None if isinstance(of, float) and not math.isfinite(of) else of
-                for name, of in zip(HEADER, row, strict=True)
+                name: None if isinstance(value, float) and not math.isfinite(value) else value
+                for name, value in zip(HEADER, row, strict=True)
             }
             for row in self.rows()
         ]

@@ -73,7 +73,7 @@ class Equilibrium:
     @cached_property
     def xml(self) -> bytes:
         """The deck that begins here. Raises ``StartError`` if a deck cannot say so."""
-        return deck_at(self._job.text, self._job.source.path, self._start, self._solution)
+        return deck_at(self._start, self._solution)
 
     @property
     def model(self) -> Any:

@@ -1,16 +1,18 @@
-"""Models: decks that were read, with other numbers where wanted, ready to be run."""
+"""Models: decks that were read, or records, with other numbers where wanted, ready to be run."""
 
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from msahl.api.html import html_table
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
 from msahl.api.running import run_job
+from msahl.check import require_sound
 from msahl.deck import ParsedDeck, Source, listed_parameters
 from msahl.deck.overrides import STOP_WHEN
 from msahl.model import Model as Records
@@ -46,17 +48,28 @@ def load(
 
 
 class Model:
-    """A model that was read from a deck, with ``changes`` of its numbers by name.
+    """A model of records, or of a deck that was read, with ``changes`` of its numbers by name.
 
-    ``records`` are what the deck says, complete and in SI units (``msahl.model.Model``).
+    ``records`` are what it is made of, complete and in SI units (``msahl.model.Model``).
     """
 
-    def __init__(self, deck: ParsedDeck, changes: Mapping[str, Value]) -> None:
-        """Raises ``DeckError`` with every fault of the deck with these changes."""
-        self._deck = deck
-        self.changes: dict[str, Value] = dict(changes)
-        self._settings = tuple(f"{name}={_shown(name, value)}" for name, value in changes.items())
-        self.records: Records = deck.model(self._settings)
+    def __init__(
+        self, model: Records | ParsedDeck, changes: Mapping[str, Value] | None = None
+    ) -> None:
+        """Return the model of records, such as ``msahl.model.Model`` has them, or of a deck.
+
+        Raises ``ModelError`` with every fault of the records, ``DeckError`` with every fault of the
+        deck with these changes.
+        """
+        if isinstance(model, Records):
+            require_sound(model)
+            model = ParsedDeck(Source.of_model(model))
+        self._deck = model
+        self.changes: dict[str, Value] = dict(changes or {})
+        self._settings = tuple(
+            f"{name}={_shown(name, value)}" for name, value in self.changes.items()
+        )
+        self.records: Records = model.model(self._settings)
 
     def with_(self, **changes: Value) -> "Model":
         """Return a model with other numbers: parameters of the deck by name, such as ``L=0.8`` or
@@ -235,8 +248,14 @@ class Model:
 
     @cached_property
     def xml(self) -> bytes:
-        """The deck with the changed numbers, as ``deck.xml`` of a run has it."""
+        """The deck with the changed numbers, as ``deck.xml`` of a run has it; of a model of
+        records, the deck that says the same."""
         return self._deck.source.text({}, self._settings)
+
+    def write(self, path: "str | PathLike[str]") -> None:
+        """Write the deck to a file: of a model of records, one that is read back to equal
+        records."""
+        Path(path).write_bytes(self.xml)
 
     @property
     def parameters(self) -> dict[str, dict[str, Any]]:
@@ -253,12 +272,12 @@ class Model:
 
     def _repr_html_(self) -> str:
         """Return a short table for a notebook."""
-        of, simulation = self.records, self.records.simulation
+        model, simulation = self.records, self.records.simulation
         rows = {
             "deck": str(self._deck.source.path),
-            "bodies": str(len(of.bodies)),
-            "joints": str(len(of.joints) + len(of.couplings)),
-            "loads": str(len(of.loads)),
+            "bodies": str(len(model.bodies)),
+            "joints": str(len(model.joints) + len(model.couplings)),
+            "loads": str(len(model.loads)),
             "scheme": simulation.scheme,
             "step size": f"{simulation.dt:g} s",
             "end": f"{simulation.t_final:g} s",

@@ -162,8 +162,6 @@ RIGID: Mapping[str, tuple[int, ...]] = {
 """Strains that each theory keeps at zero, of stretch, shears along d_2 and d_3, twist, curvatures
 about d_2 and d_3."""
 
-THEORIES = tuple(RIGID)
-
 
 def compliance(stiffness: np.ndarray, theory: str) -> Compliance:
     """Return C (6, 6), the inverse of K over the strains that ``theory`` leaves free, else zero."""

@@ -25,9 +25,6 @@ from msahl.expressions.syntax import (
 from msahl.model.loads import JointActuator, MarkerActuator
 from msahl.model.signals import AnySignal, Signal, SignalState, names_in, tree_of
 
-MOST_CELLS = 1_000_000
-"""Entries of a table of two variables."""
-
 
 def expression_findings(part: str, tree: Tree, context: Context) -> Iterator[Finding]:
     """Find names and tables in an expression that the model does not have."""

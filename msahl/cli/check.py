@@ -42,7 +42,7 @@ def check(decks: tuple[Path, ...], settings: tuple[str, ...]) -> None:
 
 def _start(deck: Path, settings: Sequence[str]) -> tuple[str, list[str]]:
     """The equilibrium at which a deck starts, in words, and why it is not found."""
-    from msahl.analysis.equilibria.begin import beginning, told
+    from msahl.analysis.equilibria.begin import beginning, in_words
     from msahl.cli.decks import job_of
     from msahl.start.velocities import StartError
 
@@ -50,4 +50,4 @@ def _start(deck: Path, settings: Sequence[str]) -> tuple[str, list[str]]:
         start = beginning(job_of(deck, {}, settings)).start
     except StartError as error:
         return "", [f"{shown_path(deck)}: {printable(str(error))}"]
-    return f"; {told(start or {})}", []
+    return f"; {in_words(start or {})}", []

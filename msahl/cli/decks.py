@@ -65,12 +65,12 @@ def job_to_run(
     job = job_of(deck, given, settings)
     if job.model.simulation.start != EQUILIBRIUM:
         return job
-    from msahl.analysis.equilibria.begin import beginning, beginning_of_run, told
+    from msahl.analysis.equilibria.begin import beginning, beginning_of_run, in_words
     from msahl.cli.compiling import computing
 
     with computing(deck, quiet):
         earlier = beginning_of_run(job, resumed) if resumed else None
         job = earlier or beginning(job)
     if not quiet and job.start:
-        say(f"{shown_path(deck)}: {told(job.start)}")
+        say(f"{shown_path(deck)}: {in_words(job.start)}")
     return job

@@ -177,7 +177,7 @@ def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") ->
         with writing(folder):
             write_tables(folder, tables(found))
             for number, solution in enumerate(found, start=1):
-                text = deck_at(job.text, job.source.path, start, solution)
+                text = deck_at(start, solution)
                 (folder / f"equilibrium{number}.xml").write_bytes(text)
     except (DeckError, StartError) as error:
         stop(f"{shown_path(job.source.path)}: {printable(str(error))}", NOT_CONVERGED)

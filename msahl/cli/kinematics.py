@@ -71,7 +71,8 @@ def kinematics(
     job = job_of(deck, options_of(step, t_final), settings)
     folder = output or Path("results") / f"{deck.stem}_kinematics"
     with writing(folder, OTHER_FOLDER), computing(deck, quiet=True), locked(folder):
-        sys.exit(_carry_out(job, folder, every, quiet))
+        status = _carry_out(job, folder, every, quiet)
+    sys.exit(status)
 
 
 def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:

@@ -31,7 +31,6 @@ from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
     from msahl.cli.gradients import GradientsOfRun
-    from msahl.model import Model
     from msahl.results.checkpoint import Checkpoint
     from msahl.results.job import Job
     from msahl.run.report import Report
@@ -99,17 +98,17 @@ def run(
 
         changed = (*changed, f"{STOP_WHEN}{condition}")
     folder = output or Path("results") / deck.stem
-    task = make_task(deck, folder, given, changed, resume, quiet)
-    gradients = _gradients(task, measures, wrt, resume) if measures or wrt else None
+    job = _job(deck, given, changed, quiet, folder if resume else None)
+    gradients = _gradients(job, measures, wrt, resume) if measures or wrt else None
     from msahl.jit.progress import CompileError
     from msahl.results.lock import locked
     from msahl.run.snapshot import ResumeError
 
-    if resume and not task.folder.is_dir():
-        stop(f"{shown_path(task.folder)}: no run to resume; omit --resume to start it")
+    if resume and not folder.is_dir():
+        stop(f"{shown_path(folder)}: no run to resume; omit --resume to start it")
     try:
-        with writing(task.folder, OTHER_FOLDER, BAD_INPUT), locked(task.folder):
-            status = carry_out(task, resume, strict, Talk(quiet, verbose), gradients)
+        with writing(folder, OTHER_FOLDER, BAD_INPUT), locked(folder):
+            status = RunCommand(job, folder, resume, strict, quiet, verbose, gradients).carry_out()
     except (CompileError, ResumeError) as error:
         stop(printable(str(error)))
     except MemoryError:
@@ -118,229 +117,200 @@ def run(
     sys.exit(status)
 
 
-@dataclass(frozen=True)
-class Talk:
-    """How much a run prints."""
-
-    quiet: bool
-    verbose: bool
-
-
-@dataclass(frozen=True)
-class Task:
-    """A run to be made, and the folder of its results."""
-
-    job: "Job"
-    folder: Path
-
-    @property
-    def deck(self) -> Path:
-        """The path of the deck."""
-        return self.job.source.path
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """The head of ``run.json``."""
-        return self.job.about(self.folder)
-
-
-def make_task(
-    deck: Path,
-    folder: Path,
-    given: dict[str, Any],
-    changed: tuple[str, ...],
-    resume: bool = False,
-    quiet: bool = False,
-) -> Task:
-    """The run of ``deck`` into ``folder`` with the options ``given`` and ``changed`` numbers;
-    faults end the program."""
-    job = job_to_run(deck, given, changed, quiet, folder if resume else None)
-    task = Task(job, folder)
+def _job(
+    deck: Path, given: dict[str, Any], changed: tuple[str, ...], quiet: bool, resumed: Path | None
+) -> "Job":
+    """The run of ``deck`` with the options ``given`` and ``changed`` numbers, or of the run in the
+    folder ``resumed``; faults end the program.
+    """
+    job = job_to_run(deck, given, changed, quiet, resumed)
     from msahl.deck import DeckError
 
     try:
-        _ = task.job.text  # reads the parts of the deck, which may have changed meanwhile
+        _ = job.text  # reads the parts of the deck, which may have changed meanwhile
     except DeckError as error:
         stop(str(error))
-    return task
+    return job
 
 
 def _gradients(
-    task: Task, measures: tuple[str, ...], wrt: tuple[str, ...], resume: bool
+    job: "Job", measures: tuple[str, ...], wrt: tuple[str, ...], resume: bool
 ) -> "GradientsOfRun":
     """The derivatives that are asked for; faults end the program."""
     if resume:
         stop("msahl run: --gradient needs the run from its start; omit --resume")
     from msahl.cli.gradients import GradientsOfRun
 
-    return GradientsOfRun(task.job, measures, wrt)
+    return GradientsOfRun(job, measures, wrt)
 
 
-def carry_out(
-    task: Task,
-    resume: bool,
-    strict: bool,
-    talk: Talk,
-    gradients: "GradientsOfRun | None" = None,
-) -> int:
-    """Make the run, or resume it, in the locked folder; the exit status."""
-    started = _begin(task, resume)
-    if started is None:
-        say(f"{shown_path(task.deck)}: the run in {shown_path(task.folder)} is complete")
-        return 0
-    with stoppable() as stopped:
-        report = _simulate(task, *started, stopped, talk, gradients)
-        if gradients and report.status == "completed":
-            gradients.compute(report)
-        status = _close(task, started[0], report, stopped, talk, gradients)
-        if gradients and gradients.found is None:
-            status = status or NOT_CONVERGED
-        return status or _status_of_verdict(report, strict)
+@dataclass(frozen=True)
+class RunCommand:
+    """A run to be made or resumed, the locked folder of its results, and what is printed."""
 
+    job: "Job"
+    folder: Path
+    resume: bool
+    strict: bool
+    quiet: bool
+    verbose: bool
+    gradients: "GradientsOfRun | None"
 
-def _begin(task: Task, resume: bool) -> "tuple[Path, Checkpoint | None] | None":
-    """The folder to write into and the checkpoint to resume from; None if the run is complete."""
-    from msahl.results.checkpoint import is_complete, read_checkpoint
-    from msahl.results.folder import claim, finish, info, place
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """The head of ``run.json``."""
+        return self.job.about(self.folder)
 
-    if not resume:
-        return claim(task.folder, task.deck, task.about), None
-    finish(task.folder)
-    work = place(task.folder)
-    if not info(work):  # complete, and no other run was started since
-        work = task.folder
-    if work == task.folder and is_complete(work, task.about):
-        return None
-    return work, read_checkpoint(work, task.about)
+    @property
+    def deck(self) -> str:
+        """The path of the deck, for messages."""
+        return shown_path(self.job.source.path)
 
+    def carry_out(self) -> int:
+        """Make the run, or resume it; the exit status."""
+        started = self._begin()
+        if started is None:
+            say(f"{self.deck}: the run in {shown_path(self.folder)} is complete")
+            return 0
+        with stoppable() as stopped:
+            report = self._simulate(*started, stopped)
+            if self.gradients and report.status == "completed":
+                self.gradients.compute(report)
+            status = self._close(started[0], report, stopped)
+            if self.gradients and self.gradients.found is None:
+                status = status or NOT_CONVERGED
+            return status or self._status_of_verdict(report)
 
-def _simulate(
-    task: Task,
-    work: Path,
-    since: "Checkpoint | None",
-    stopped: Callable[[], bool],
-    talk: Talk,
-    gradients: "GradientsOfRun | None",
-) -> "Report":
-    """Run into the folder ``work``; the report covers faults of the start and of the disk."""
-    from msahl.results import session
-    from msahl.results.checkpoint import Checkpoint, write_checkpoint
-    from msahl.run import loop
-    from msahl.run.messages import not_written
-    from msahl.run.report import COMPLETED, INTERRUPTED, NOT_STARTED, report_without_steps
-    from msahl.run.report import NOT_WRITTEN as UNWRITTEN
-    from msahl.run.snapshot import Snapshot
-    from msahl.run.tables import BothSinks
-    from msahl.start.velocities import StartError
+    def _begin(self) -> "tuple[Path, Checkpoint | None] | None":
+        """The folder to write into and the checkpoint to resume from; None if the run is
+        complete."""
+        from msahl.results.checkpoint import is_complete, read_checkpoint
+        from msahl.results.folder import claim, finish, info, place
 
-    def save(snapshot: Snapshot) -> None:
-        results.flush()
-        write_checkpoint(work, task.about, Checkpoint(results.ends(), snapshot))
+        if not self.resume:
+            return claim(self.folder, self.job.source.path, self.about), None
+        finish(self.folder)
+        work = place(self.folder)
+        if not info(work):  # complete, and no other run was started since
+            work = self.folder
+        if work == self.folder and is_complete(work, self.about):
+            return None
+        return work, read_checkpoint(work, self.about)
 
-    job = task.job
-    ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
-    results = session.begin(work, job.model, job.text, task.about, ends)
-    try:
-        with results, announced(not talk.quiet), _progress(job.model, not talk.quiet) as progress:
-            tell = (lambda message: None) if talk.quiet else say
-            accepted = gradients.record.add if gradients else None
-            sink = BothSinks(results, gradients.memory) if gradients else results
-            hooks = loop.Hooks(progress, stopped, tell, save, accepted)
-            report = loop.run(job.model, job.options, sink, hooks, snapshot, checked=True)
-            set_alarm(0.0)  # what ends the run now must not be interrupted
-            results.complete = report.status == COMPLETED
-    except StartError as error:
-        return report_without_steps(NOT_STARTED, str(error))
-    except KeyboardInterrupt:  # a second request to stop, before the first step ended
-        return report_without_steps(INTERRUPTED, "stopped before the first step")
-    except OSError as error:  # of the tables' names; other faults of the disk are in the report
-        return report_without_steps(UNWRITTEN, not_written(error))
-    return report
+    def _simulate(
+        self, work: Path, since: "Checkpoint | None", stopped: Callable[[], bool]
+    ) -> "Report":
+        """Run into the folder ``work``; the report covers faults of the start and of the disk."""
+        from msahl.results import session
+        from msahl.results.checkpoint import Checkpoint, write_checkpoint
+        from msahl.run import loop
+        from msahl.run.messages import not_written
+        from msahl.run.report import COMPLETED, INTERRUPTED, NOT_STARTED, report_without_steps
+        from msahl.run.report import NOT_WRITTEN as UNWRITTEN
+        from msahl.run.snapshot import Snapshot
+        from msahl.run.tables import BothSinks
+        from msahl.start.velocities import StartError
 
+        def save(snapshot: Snapshot) -> None:
+            results.flush()
+            write_checkpoint(work, self.about, Checkpoint(results.ends(), snapshot))
 
-def _close(
-    task: Task,
-    work: Path,
-    report: "Report",
-    stopped: Interruption,
-    talk: Talk,
-    gradients: "GradientsOfRun | None",
-) -> int:
-    """End a run, however it went: ``run.json``, the last messages, the exit status."""
-    from msahl.results import session
-    from msahl.results.checkpoint import has_checkpoint
-    from msahl.results.write import INFO
+        job, gradients = self.job, self.gradients
+        ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
+        results = session.begin(work, job.model, job.text, self.about, ends)
+        try:
+            with results, announced(not self.quiet), self._progress() as progress:
+                tell = (lambda message: None) if self.quiet else say
+                accepted = gradients.record.add if gradients else None
+                sink = BothSinks(results, gradients.memory) if gradients else results
+                hooks = loop.Hooks(progress, stopped, tell, save, accepted)
+                report = loop.run(job.model, job.options, sink, hooks, snapshot, checked=True)
+                set_alarm(0.0)  # what ends the run now must not be interrupted
+                results.complete = report.status == COMPLETED
+        except StartError as error:
+            return report_without_steps(NOT_STARTED, str(error))
+        except KeyboardInterrupt:  # a second request to stop, before the first step ended
+            return report_without_steps(INTERRUPTED, "stopped before the first step")
+        except OSError as error:  # of the tables' names; other faults of the disk are in the report
+            return report_without_steps(UNWRITTEN, not_written(error))
+        return report
 
-    report.seconds["total"] = time.perf_counter() - STARTED
-    if report.status in ("interrupted", "not written"):
-        resume = has_checkpoint(work)
-        command = typed_command({"resume"}) + (" --resume" if resume else "")
-        again = "resume it" if resume else "start again (there is no checkpoint yet)"
-        report.message += f"; {again} with: {command}"
-    status, complete = STATUS[report.status], report.status == "completed"
-    try:
-        derivatives = gradients.write(work) if gradients else {}
-        session.end(task.folder, work, task.about, {**report.as_json(), **derivatives})
-    except OSError as error:
-        say(f"{shown_path(error.filename or work / INFO)}: {error.strerror or error}")
-        status = NOT_WRITTEN if complete else status
-    _tell(task.deck, task.folder if complete else work, report, talk)
-    if gradients:
-        gradients.tell(talk.quiet)
-    if not complete and work != task.folder and not talk.quiet:
-        earlier = f"the complete results of an earlier run are still in {shown_path(task.folder)}"
-        say(f"{shown_path(task.deck)}: {earlier}")
-    if report.status == "interrupted" and stopped.signal:
-        return 128 + stopped.signal
-    return status
+    def _close(self, work: Path, report: "Report", stopped: Interruption) -> int:
+        """End a run, however it went: ``run.json``, the last messages, the exit status."""
+        from msahl.results import session
+        from msahl.results.checkpoint import has_checkpoint
+        from msahl.results.write import INFO
 
+        report.seconds["total"] = time.perf_counter() - STARTED
+        if report.status in ("interrupted", "not written"):
+            resume = has_checkpoint(work)
+            command = typed_command({"resume"}) + (" --resume" if resume else "")
+            again = "resume it" if resume else "start again (there is no checkpoint yet)"
+            report.message += f"; {again} with: {command}"
+        status, complete = STATUS[report.status], report.status == "completed"
+        try:
+            derivatives = self.gradients.write(work) if self.gradients else {}
+            session.end(self.folder, work, self.about, {**report.as_json(), **derivatives})
+        except OSError as error:
+            say(f"{shown_path(error.filename or work / INFO)}: {error.strerror or error}")
+            status = NOT_WRITTEN if complete else status
+        self._report(self.folder if complete else work, report)
+        if self.gradients:
+            self.gradients.tell(self.quiet)
+        if not complete and work != self.folder and not self.quiet:
+            where = shown_path(self.folder)
+            say(f"{self.deck}: the complete results of an earlier run are still in {where}")
+        if report.status == "interrupted" and stopped.signal:
+            return 128 + stopped.signal
+        return status
 
-def _status_of_verdict(report: "Report", strict: bool) -> int:
-    """Exit status of a completed run."""
-    from msahl.run.verdict import FAIL, WARN
+    def _status_of_verdict(self, report: "Report") -> int:
+        """Exit status of a completed run."""
+        from msahl.run.verdict import FAIL, WARN
 
-    return BAD_VERDICT if report.verdict["word"] in ((WARN, FAIL) if strict else (FAIL,)) else 0
+        bad = (WARN, FAIL) if self.strict else (FAIL,)
+        return BAD_VERDICT if report.verdict["word"] in bad else 0
 
+    @contextmanager
+    def _progress(self) -> Iterator[Callable[[int, float], Any]]:
+        """A progress bar of steps and simulated time on a terminal, nothing elsewhere."""
+        if self.quiet or not sys.stderr.isatty():
+            yield lambda steps, t: None
+            return
+        from msahl.run.time_grid import TimeGrid
 
-@contextmanager
-def _progress(model: "Model", shown: bool) -> Iterator[Callable[[int, float], Any]]:
-    """A progress bar of steps and simulated time on a terminal, nothing elsewhere."""
-    if not shown or not sys.stderr.isatty():
-        yield lambda steps, t: None
-        return
-    from msahl.run.time_grid import TimeGrid
-
-    t_final = model.simulation.t_final
-    bar: Any = click.progressbar(
-        length=TimeGrid.of_steps(model.simulation).n,
-        label=model.simulation.title or "running",
-        file=sys.stderr,
-        item_show_func=lambda t: "" if t is None else f"t = {t:.4g} of {t_final:g} s",
-    )
-    with bar:
-        yield lambda steps, t: bar.update(steps - bar.pos, t)
-
-
-def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:
-    """Print the last messages: warnings, what went wrong, and the verdict."""
-    from msahl.run.verdict import FAIL, describe_verdict
-
-    lines = [] if talk.quiet else [f"{shown_path(deck)}: {text}" for text in report.warnings]
-    if report.stop and not talk.quiet:
-        condition, t = report.stop["condition"], report.stop["time"]
-        lines.append(f"{shown_path(deck)}: ended at t = {t:g} s, where {condition}")
-    if report.message:
-        lines.append(f"{shown_path(deck)}: {report.message}")
-    if talk.verbose:
-        lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
-        lines.append(
-            f"{report.unknowns} unknowns in {report.subsystems} subsystems "
-            f"({report.planar_subsystems} planar), {report.iterations} iterations, "
-            f"{report.factorisations} factorisations, {report.scipy_steps} steps by scipy, "
-            f"{report.path_steps} by continuation, {report.subdivisions} subdivisions"
+        simulation = self.job.model.simulation
+        bar: Any = click.progressbar(
+            length=TimeGrid.of_steps(simulation).n,
+            label=simulation.title or "running",
+            file=sys.stderr,
+            item_show_func=lambda t: (
+                "" if t is None else f"t = {t:.4g} of {simulation.t_final:g} s"
+            ),
         )
-    if not talk.quiet or report.verdict["word"] == FAIL:
-        verdict = describe_verdict(report.verdict)
-        lines.append(f"{shown_path(deck)}: {verdict} -> {shown_path(folder)}")
-    if lines:
-        say("\n".join(lines))
+        with bar:
+            yield lambda steps, t: bar.update(steps - bar.pos, t)
+
+    def _report(self, folder: Path, report: "Report") -> None:
+        """Print the last messages: warnings, what went wrong, and the verdict."""
+        from msahl.run.verdict import FAIL, describe_verdict
+
+        lines = [] if self.quiet else [f"{self.deck}: {text}" for text in report.warnings]
+        if report.stop and not self.quiet:
+            condition, t = report.stop["condition"], report.stop["time"]
+            lines.append(f"{self.deck}: ended at t = {t:g} s, where {condition}")
+        if report.message:
+            lines.append(f"{self.deck}: {report.message}")
+        if self.verbose:
+            lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
+            lines.append(
+                f"{report.unknowns} unknowns in {report.subsystems} subsystems "
+                f"({report.planar_subsystems} planar), {report.iterations} iterations, "
+                f"{report.factorisations} factorisations, {report.scipy_steps} steps by scipy, "
+                f"{report.path_steps} by continuation, {report.subdivisions} subdivisions"
+            )
+        if not self.quiet or report.verdict["word"] == FAIL:
+            verdict = describe_verdict(report.verdict)
+            lines.append(f"{self.deck}: {verdict} -> {shown_path(folder)}")
+        if lines:
+            say("\n".join(lines))

@@ -15,7 +15,7 @@ from msahl.beams.mesh import Mesh, mesh
 from msahl.deck.faults import KINDS, Element, attribute, text
 from msahl.deck.joint_start import gives_starts
 from msahl.deck.references import BODIES
-from msahl.deck.values import Reader
+from msahl.deck.values import INERTIAL_BASIS, Reader
 
 ALL_NODES = ("distributed", "bodyForce", "group")
 """Elements whose body may be a beam, all nodes of it."""
@@ -195,7 +195,7 @@ def _check_beams_own(element: Element, reader: Reader) -> None:
     owner, basis = _owner(element)[0], attribute(element, "basis")
     root = element.getroottree().getroot()
     grounds = [text(label) for label in root.iterfind("system/bodies/ground/name")]
-    if owner.tag == "beam" and basis not in (*grounds, text(owner.find("name"))):
+    if owner.tag == "beam" and basis not in (INERTIAL_BASIS, *grounds, text(owner.find("name"))):
         message = f"where '{basis}' is may follow from joints; give the components in the axes"
         reader.faults.add(element, f"{message} of a ground")
 
@@ -217,11 +217,11 @@ def _name_own_basis(
 ) -> None:
     """Name the axes of the node of a beam to which the element itself attaches."""
     label = end.find("name") if end is not owner else owner.find("body")
-    own = text(label)
-    if own == beam and owner.tag in ALL_NODES:
+    body = text(label)
+    if body == beam and owner.tag in ALL_NODES:
         return  # each node has its own load
-    if own.rpartition(".")[0] == beam:
-        element.set("basis", own)
+    if body.rpartition(".")[0] == beam:
+        element.set("basis", body)
         return
     message = f"'{beam}' is a beam, whose nodes have axes of their own"
     reader.faults.add(element, f"{message}; name one, such as '{beam}.first' or '{beam}.last'")

@@ -13,8 +13,10 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import Vector, cross, dot, sub
 from msahl.check.context import INERTIAL
 from msahl.check.ends import ROUNDING
+from msahl.check.laws import closed, law_findings
 from msahl.deck.cam_profile import INTERVALS, lift
 from msahl.deck.faults import Element, text
+from msahl.deck.signals import read_table_of_numbers
 from msahl.deck.values import Reader
 from msahl.model.joints import Joint
 
@@ -30,6 +32,25 @@ FEWEST = 4
 
 NO_LIFT = Law("constant", (0.0,))
 """Stands for a lift with faults."""
+
+
+def read_given_lift(element: Element, reader: Reader) -> Law | None:
+    """Return the lift that a ``<camFollower>`` gives as a table; None if it has a profile. Faults
+    for both, and for neither."""
+    given = element.find("lift")
+    others = [tag for tag in ("profile", "follower") if element.find(tag) is not None]
+    if given is None:
+        for tag in ("profile", "follower"):
+            if tag not in others:
+                reader.faults.add(element, f"<{tag}> is missing; add it to <camFollower>")
+        return None if len(others) == 2 else NO_LIFT
+    if others:
+        reader.faults.add(element, f"<lift> is given beside <{others[0]}>; keep one")
+        return NO_LIFT
+    law = read_table_of_numbers(given, reader, "periodic", ("rad", "m"))
+    assert isinstance(law, Law)  # the schema has no second variable
+    reader.add(given, law_findings(law))
+    return closed(law)
 
 
 def read_lift(element: Element, cam: Joint, follower: Joint, reader: Reader) -> Law:

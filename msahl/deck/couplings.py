@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from msahl.check.joints import SCALES, coupling_findings
-from msahl.deck.cam import read_lift
+from msahl.deck.cam import read_given_lift, read_lift
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
 from msahl.model.couplings import Coupling
@@ -23,6 +23,8 @@ def read_coupling(element: Element, reader: Reader) -> Coupling:
     reader.add(element, coupling_findings(coupling, reader.context))
     known = first in reader.joints and second in reader.joints
     if kind not in SCALES and known and reader.faults.sound(element):
-        lift = read_lift(element, reader.joints[first], reader.joints[second], reader)
+        lift = read_given_lift(element, reader)
+        if lift is None:
+            lift = read_lift(element, reader.joints[first], reader.joints[second], reader)
         return replace(coupling, lift=lift)
     return coupling

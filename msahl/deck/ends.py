@@ -1,9 +1,10 @@
 """Reader of the two ends of a joint, spring or bushing: bodies, points and axes."""
 
+import math
 from dataclasses import dataclass
 
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, dot
-from msahl.check.context import INERTIAL
+from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import (
     PARALLEL,
     clean,
@@ -51,6 +52,22 @@ def is_placed(element: Element, ends: Ends, reader: Reader) -> bool:
     return known_places(ends, reader.context) and reader.faults.sound(element)
 
 
+def given_frames(element: Element, reader: Reader) -> tuple[Matrix, Matrix] | None:
+    """Return the frames that both sides give as such, each in its own body's axes; None if neither
+    does."""
+    places = [element.find(f"{side}/frame") for side in SIDES]
+    if places == [None, None]:
+        return None
+    for place, other in zip(places, reversed(SIDES), strict=True):
+        beside = None if place is None else place.getparent()
+        if place is None:
+            reader.faults.add(element, f"<frame> is given on the {other} only; give both or none")
+        elif beside is not None and beside.find("axis") is not None:
+            reader.faults.add(element, "<axis> is given beside <frame>; keep one")
+    parent, child = (IDENTITY if place is None else reader.frame(place) for place in places)
+    return parent, child
+
+
 def own_frame(element: Element, side: str, reader: Reader) -> Matrix | None:
     """Return the frame of one end by its axis and reference, inertial axes; None without axis."""
     axis = side_direction(element, side, "axis", reader)
@@ -87,9 +104,9 @@ def own_references(
     given = []
     for side, axis in zip(SIDES, axes, strict=True):
         reference = side_direction(element, side, "reference", reader)
-        own = text(element.find(f"{side}/name"))
+        body = text(element.find(f"{side}/name"))
         if reference is not None:
-            reference = reader.context.rotated(reference, INERTIAL, own)
+            reference = reader.context.rotated(reference, INERTIAL, body)
             if sine(axis, reference) < PARALLEL:
                 reader.faults.add(element, REFERENCE_PARALLEL)
                 return None
@@ -97,22 +114,39 @@ def own_references(
     return complete(*axes, *given)
 
 
+def explicit_references(
+    element: Element, frames: tuple[Matrix, Matrix], ends: Ends, reader: Reader
+) -> tuple[Vector | None, Vector | None]:
+    """Return the directions of parent and child from which coordinates count, beside the frames
+    that both give; None where none is given: the frame's x."""
+    found: list[Vector | None] = []
+    for side, axes, body in zip(SIDES, frames, (ends.parent, ends.child), strict=True):
+        place, given = element.find(f"{side}/reference"), None
+        if place is not None and body in reader.context.axes:
+            given = reader.vector(place, own=body, wanted=body)
+            if sine(axes[2], given) < PARALLEL * math.hypot(*given) or not any(given):
+                reader.faults.add(element, REFERENCE_PARALLEL)
+                given = None
+        found.append(given)
+    return found[0], found[1]
+
+
 def side_direction(element: Element, side: str, tag: str, reader: Reader) -> Vector | None:
     """Return the direction ``tag`` of one end, inertial axes; its basis is that end's body."""
-    own = text(element.find(f"{side}/name"))
-    if own not in reader.context.axes:
+    body = text(element.find(f"{side}/name"))
+    if body not in reader.context.axes:
         return None
-    return reader.direction(element.find(f"{side}/{tag}"), own)
+    return reader.direction(element.find(f"{side}/{tag}"), body)
 
 
-def carried(axes: Matrix, body: str, reader: Reader) -> Matrix:
+def carried(axes: Matrix, body: str, context: Context) -> Matrix:
     """Return a frame's rows, given in inertial axes, in the axes of ``body``."""
-    own = reader.context.axes.get(body)
+    own = context.axes.get(body)
     if own is None:
         return axes
     if axes == IDENTITY:  # whose rows in the axes of the body are the rows of its matrix
         return (clean(own[0]), clean(own[1]), clean(own[2])) if own != IDENTITY else IDENTITY
-    x, y, z = (clean(reader.context.rotated(row, INERTIAL, body)) for row in axes)
+    x, y, z = (clean(context.rotated(row, INERTIAL, body)) for row in axes)
     return (x, y, z)
 
 

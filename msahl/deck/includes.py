@@ -132,24 +132,24 @@ def _file(include: Element, work: _Work, faults: Faults) -> Path | None:
     return None
 
 
-def _read(file: Path, unit_system: str, work: _Work, own: Faults) -> Element:
+def _read(file: Path, unit_system: str, work: _Work, faults: Faults) -> Element:
     """Return the tree of a part; raises ``DeckError`` if it is not well-formed or too large."""
     data = work.known.get(file)
     if data is None:
-        data = work.known[file] = read_bytes(file, own)
+        data = work.known[file] = read_bytes(file, faults)
     work.parts += 1
     work.size += len(data)
     if work.parts > MOST_PARTS or work.size > MOST_BYTES:
         most = f"{MOST_PARTS} parts or {MOST_BYTES // 2**20} MiB"
-        own.stop(f"the deck includes more than {most}; include fewer")
-    part = parse(data, own, PART)
-    check_schema(part, own)
-    own.raise_if_any()
+        faults.stop(f"the deck includes more than {most}; include fewer")
+    part = parse(data, faults, PART)
+    check_schema(part, faults)
+    faults.raise_if_any()
     if unit_system_of(part) != unit_system:
         message = f"the deck that includes it has the unitSystem {unit_system}; use the same"
-        own.add(part, message)
+        faults.add(part, message)
     for gravity in part.iterfind("system/gravity"):
-        own.add(gravity, "gravity acts on all parts; move it to the deck")
+        faults.add(gravity, "gravity acts on all parts; move it to the deck")
     return part
 
 

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Iterator
 
-from msahl.algebra.rotation import rescaled
-from msahl.algebra.vector import ZERO, Vector
 from msahl.deck.faults import Element, attribute
 from msahl.deck.values import Reader
 from msahl.joints import coordinates
@@ -64,7 +62,7 @@ def read_joint_start(element: Element, joint: Joint, reader: Reader) -> JointSta
         else:
             given = start.guesses if _is_approximate(child) else start.values
             if name == ORIENTATION:
-                given[name], start.P = 0.0, _orientation(child, reader)
+                given[name], start.P = 0.0, reader.parameters_of(child)
             else:
                 given[name] = reader.number(child, _quantities(name)[0])
     return start
@@ -76,17 +74,3 @@ def _is_approximate(element: Element) -> bool:
 
 def _quantities(name: str) -> tuple[str, str]:
     return QUANTITIES[name.rstrip("12")]
-
-
-def _orientation(element: Element, reader: Reader) -> Vector:
-    """Return the Wiener-Milenkovic parameters of an ``<orientation>`` of a joint."""
-    rotation = element.find("eulerRotation")
-    given = [child for child in element if child.tag != "eulerRotation"]
-    if (rotation is None) == (not given):
-        message = "give either <eulerRotation> or the parameters <P1>, <P2>, <P3>"
-        reader.faults.add(element, message)
-        return ZERO
-    if rotation is None:
-        x, y, z = reader.numbers(element, ("P1", "P2", "P3"))
-        return rescaled((x, y, z))
-    return reader.rotation(rotation)

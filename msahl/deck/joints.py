@@ -5,12 +5,14 @@ import math
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, cross, dot, sub
 from msahl.check.directions import PARALLEL, facing_back
 from msahl.check.ends import points
-from msahl.check.joint_fit import fit_findings
+from msahl.check.joint_fit import fit_findings, twist_findings
 from msahl.check.joints import joint_findings
 from msahl.deck.ends import (
     SIDES,
     Ends,
     carried,
+    explicit_references,
+    given_frames,
     is_placed,
     own_frame,
     own_references,
@@ -36,10 +38,16 @@ def read_joint(element: Element, reader: Reader) -> Joint:
     if reaction is not None:  # read for its faults only: the reaction is computed
         reader.components(reaction)
         reader.basis(reaction)
-    frames = _frames(element, kind, ends, reader)
-    parent_axes = carried(frames[0], ends.parent, reader)
-    child_axes = carried(frames[1], ends.child, reader)
-    references = _references(element, kind, (parent_axes[2], child_axes[2]), reader)
+    explicit = given_frames(element, reader)
+    if explicit is None:
+        here, there = _frames(element, kind, ends, reader)
+        frames = (
+            carried(here, ends.parent, reader.context),
+            carried(there, ends.child, reader.context),
+        )
+        references = _references(element, kind, (frames[0][2], frames[1][2]), reader)
+    else:
+        frames, references = explicit, explicit_references(element, explicit, ends, reader)
     joint = Joint(
         name=text(element.find("name")),
         kind=kind.name,
@@ -47,8 +55,8 @@ def read_joint(element: Element, reader: Reader) -> Joint:
         child=ends.child,
         parent_point=ends.parent_point,
         child_point=ends.child_point,
-        parent_axes=parent_axes,
-        child_axes=child_axes,
+        parent_axes=frames[0],
+        child_axes=frames[1],
         parameters=read_parameters(element, kind, reader),
         parent_reference=references[0],
         child_reference=references[1],
@@ -58,6 +66,8 @@ def read_joint(element: Element, reader: Reader) -> Joint:
     reader.add(element, joint_findings(joint, reader.context))
     if is_placed(element, ends, reader):
         reader.add(element, fit_findings(joint, reader.context))
+        if explicit is not None and reader.faults.sound(element):
+            reader.add(element, twist_findings(joint, reader.context))
     if reader.faults.sound(element):
         reader.joints[joint.name] = joint
     return joint
@@ -76,6 +86,10 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
             )
             reader.faults.add(element, message)
         return shared or IDENTITY, shared or IDENTITY
+    for side in SIDES:
+        end = element.find(side)
+        if end is not None and end.find("axis") is None:
+            reader.faults.add(end, f"<axis> is missing; add it to <{side}>")
     parent, child = own_frame(element, "parent", reader), own_frame(element, "child", reader)
     if parent is None or child is None:
         return IDENTITY, IDENTITY

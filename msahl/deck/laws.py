@@ -30,12 +30,13 @@ def _constant(element: Element, quantity: str, reader: Reader) -> Law:
 
 
 def _polynomial(element: Element, quantity: str, reader: Reader) -> Law:
-    numbers = tuple(
-        _coefficient(element.find(tag), k, quantity, reader) for k, tag in enumerate(COEFFICIENTS)
-    )
+    given = [element.find(tag) for tag in COEFFICIENTS]
+    while given and given[-1] is None:
+        del given[-1]
+    numbers = tuple(_coefficient(place, k, quantity, reader) for k, place in enumerate(given))
     if reader.faults.sound(element) and element.find("*") is None:
         reader.faults.add(element, "it has no coefficient; add <c0> to <c5>, those that are not 0")
-    return Law("polynomial", numbers)
+    return Law("polynomial", numbers or (0.0,))
 
 
 def _coefficient(element: Element | None, k: int, quantity: str, reader: Reader) -> float:

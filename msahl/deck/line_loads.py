@@ -71,10 +71,10 @@ def _loads(
     basis = "" if follows else basis_of(vector, reader)
     law, expression = law_of(element, reader), expression_of(element, reader)
     for node, point, force in forces:
-        own = node.name if follows else basis
+        basis_of_load = node.name if follows else basis
         load = ConcentratedLoad(
             f"{name}.{node.name.rpartition('.')[2]}",
-            *(node.name, point, force, own, ZERO, own, law, expression),
+            *(node.name, point, force, basis_of_load, ZERO, basis_of_load, law, expression),
         )
         reader.add(element, element_findings(load, reader.context))
         yield load

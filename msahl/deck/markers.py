@@ -1,7 +1,6 @@
 """Reader of markers, of distances and angles between them, and of groups: elements -> records."""
 
-from msahl.algebra.rotation import matrix
-from msahl.algebra.vector import IDENTITY, ZERO, transpose
+from msahl.algebra.vector import ZERO
 from msahl.check.markers import group_findings, marker_findings, sensor_findings
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import Reader
@@ -12,14 +11,13 @@ def read_marker(element: Element, reader: Reader) -> Marker:
     """Return the record of a ``<marker>``."""
     body = text(element.find("body"))
     known = body in reader.context.axes
-    position, rotation = element.find("position"), element.find("orientation/eulerRotation")
-    P = ZERO if rotation is None else reader.rotation(rotation)
+    position = element.find("position")
     basis = attribute(element, "basis")
     marker = Marker(
         name=text(element.find("name")),
         body=body,
         point=reader.vector(position, own=body, wanted=body) if known else ZERO,
-        axes=IDENTITY if P == ZERO else transpose(matrix(P)),
+        axes=reader.axes(element.find("orientation")),
         basis="" if basis in reader.context.grounds else basis,
     )
     found = marker_findings(marker, reader.context)

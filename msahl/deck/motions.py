@@ -1,9 +1,11 @@
 """Reader of prescribed motions: elements -> records."""
 
+import math
+
 from msahl.algebra.functions import Law
-from msahl.algebra.vector import ZERO
+from msahl.algebra.vector import ZERO, Vector
 from msahl.check.context import INERTIAL
-from msahl.check.loads import element_findings, repeated_motions
+from msahl.check.loads import UNIT_LENGTH, element_findings, repeated_motions
 from msahl.deck.faults import Element, line_of, text
 from msahl.deck.laws import read_law
 from msahl.deck.values import Reader
@@ -29,16 +31,26 @@ def read_point_motion(element: Element, reader: Reader) -> PointMotion:
     """Return the record of a ``<pointMotion>``."""
     body = text(element.find("body"))
     known = body in reader.context.axes
-    position, direction = element.find("position"), element.find("direction")
+    position = element.find("position")
     motion = PointMotion(
         name=text(element.find("name")),
         body=body,
         point=reader.vector(position, own=body, wanted=body) if known else ZERO,
-        direction=reader.direction(direction, INERTIAL) or (0.0, 0.0, 1.0),
+        direction=_direction(element, reader),
         law=read_law(element.find("law"), "length", reader) or NOTHING,
     )
     reader.add(element, element_findings(motion, reader.context))
     return motion
+
+
+def _direction(element: Element, reader: Reader) -> Vector:
+    """Return the direction of a ``<pointMotion>``, inertial axes; one of length 1 is kept to the
+    last digit."""
+    direction = element.find("direction")
+    given = reader.vector(direction, INERTIAL, INERTIAL)
+    if abs(math.hypot(*given) - 1.0) <= UNIT_LENGTH:
+        return given
+    return reader.direction(direction, INERTIAL) or (0.0, 0.0, 1.0)
 
 
 def check_prescribed_once(elements: list[Element], reader: Reader) -> None:

@@ -23,7 +23,7 @@ from msahl.check.directions import (
     sine,
     unit,
 )
-from msahl.deck.ends import SIDES
+from msahl.deck.ends import SIDES, explicit_references, given_frames, read_ends
 from msahl.deck.faults import Element, text
 from msahl.deck.joint_start import (
     ORIENTATION_RATE,
@@ -32,7 +32,7 @@ from msahl.deck.joint_start import (
     read_parameters,
 )
 from msahl.deck.motions import read_joint_motion
-from msahl.deck.values import BodyStart, Reader
+from msahl.deck.values import INERTIAL_BASIS, BodyStart, Reader, is_inertial
 from msahl.joints import coordinates
 from msahl.joints.joint import Kind
 from msahl.joints.named_coordinates import coupled_rates
@@ -93,6 +93,8 @@ class _Placing:
         for nodes in self.reader.beams.values():
             self._add_beam(nodes)
         for body in self.root.iterfind("system/bodies/*"):
+            if body.tag == "beamOfBodies":
+                continue
             if body.tag == "beam":
                 self.is_sound &= self.reader.faults.sound(body)
                 continue
@@ -156,8 +158,10 @@ class _Placing:
         own, given = text(element.find(f"{side}/name")), element.find(f"{side}/{tag}")
         if given is None:
             return None
-        basis = self.reader.basis(given) or own
-        if basis != own and not (self.own[basis].place and self.own[own].place):
+        inertial = is_inertial(given, self.reader.context)
+        basis = INERTIAL_BASIS if inertial else self.reader.basis(given) or own
+        placed = self.own[own].place and (inertial or self.own[basis].place)
+        if basis != own and not placed:
             message = (
                 f"its basis is '{basis}', but where '{own}' and '{basis}' are follows from joints; "
                 f"give the components in the axes of '{own}' and delete basis"
@@ -170,6 +174,10 @@ class _Placing:
         self, element: Element, kind: Kind
     ) -> tuple[tuple[Matrix, Matrix], tuple[Vector | None, Vector | None]] | None:
         """Return the frames and the references of both ends, None if an axis is missing."""
+        explicit = given_frames(element, self.reader)
+        if explicit is not None:
+            ends = read_ends(element, self.reader)
+            return explicit, explicit_references(element, explicit, ends, self.reader)
         if kind.axes == 0:
             return (IDENTITY, IDENTITY), (None, None)
         axes: Sequence[Vector | None] = [self._direction(element, side, "axis") for side in SIDES]
@@ -196,10 +204,12 @@ class _Placing:
         """Return both axes from the one that is given: its components are the same in both bodies,
         unless both have places of their own."""
         names = [text(element.find(f"{side}/name")) for side in SIDES]
-        axis, of = (axes[0], 0) if axes[0] is not None else (axes[1], 1)
+        axis, parent_or_child = (axes[0], 0) if axes[0] is not None else (axes[1], 1)
         if axis is not None and all(self.own[name].place for name in names):
-            rotated = self.reader.context.rotated(axis, names[of], names[1 - of])
-            return [axis, unit(rotated)][:: 1 if of == 0 else -1]
+            rotated = self.reader.context.rotated(
+                axis, names[parent_or_child], names[1 - parent_or_child]
+            )
+            return [axis, unit(rotated)][:: 1 if parent_or_child == 0 else -1]
         return [axis, axis]
 
     def set_places(self) -> None:

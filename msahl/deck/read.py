@@ -47,6 +47,7 @@ from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import ConcentratedLoad, Load
+from msahl.model.shapes import Shape
 from msahl.model.signals import AnySignal, Stop
 
 if TYPE_CHECKING:
@@ -74,7 +75,19 @@ ON_BEAMS: Mapping[str, Callable[[Element, Reader], Iterable[ConcentratedLoad]]] 
     "distributed": read_line_load,
 }
 MARKERS = ("marker", "distance", "angle")
-TAGS = frozenset((*BODIES, "beam", *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS, *MARKERS, "group"))
+TAGS = frozenset(
+    (
+        *BODIES,
+        "beam",
+        "beamOfBodies",
+        *JOINT_KINDS,
+        *COORDINATES,
+        *MOTIONS,
+        *LOADS,
+        *MARKERS,
+        "group",
+    )
+)
 """Tags of all records."""
 
 ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads", "signals"))
@@ -102,10 +115,8 @@ def read_what_is_sound(
     settings: Sequence[str] | None,
     faults: Faults,
     parts: "Parts",
-    carried: dict[Element, Vector] | None = None,
 ) -> Model:
-    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``, and
-    to ``carried`` the vectors that were given in the axes of another body, in those of their own.
+    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``.
 
     Elements may refer to others that are missing. Raises ``DeckError`` if a part cannot be read.
     """
@@ -115,7 +126,7 @@ def read_what_is_sound(
 
         parameters = expand(root, path, settings, faults, parts)
     with _without_collector():
-        return _read_model(root, faults, parameters, {} if carried is None else carried)
+        return _read_model(root, faults, parameters)
 
 
 @contextmanager
@@ -132,24 +143,20 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _read_model(
-    root: Element,
-    faults: Faults,
-    parameters: Mapping[str, Parameter],
-    carried: dict[Element, Vector],
-) -> Model:
+def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Parameter]) -> Model:
     """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
     unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
     context = Context(project=assembly.position == "project")
-    reader = Reader(unit_system, faults, context, parameters, carried=carried)
+    reader = Reader(unit_system, faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
     beams = _place_all(root, sound["bodies"], reader)
     bodies = _read_bodies(sound["bodies"], reader)
+    beams += _read_beams_of_bodies(sound["bodies"], reader)
     _check_some_body(root, faults)
     joints, couplings = _read_joints(sound["joints"], reader)
     motions = _read_motions(sound["motions"], reader)
@@ -173,7 +180,7 @@ def _read_model(
         markers=tuple(markers),
         sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
-        shapes=tuple(shape for e in sound["bodies"] for shape in read_shapes(e, reader)),
+        shapes=tuple(_read_shapes(sound["bodies"], reader)),
         beams=tuple(built.beam for built in beams if built.beam is not None),
         beam_shapes=tuple(built.shape for built in beams if built.shape is not None),
     )
@@ -214,9 +221,27 @@ def _read_bodies(sound: list[Element], reader: Reader) -> list[Ground | RigidBod
     for element in sound:
         if element.tag == "beam":
             found += reader.beams.get(text(element.find("name")), ())
-        else:
+        elif element.tag != "beamOfBodies":
             found.append(_read_body(element, reader))
     return found
+
+
+def _read_beams_of_bodies(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":
+    """Return the beams between bodies, which have been read."""
+    elements = [element for element in sound if element.tag == "beamOfBodies"]
+    if not elements:
+        return []
+    from msahl.deck.beam_of_bodies import read_beam_of_bodies  # which few decks need
+    from msahl.deck.beams import BuiltBeam
+
+    found = [read_beam_of_bodies(element, reader) for element in elements]
+    return [BuiltBeam(records[0], (), records[1]) for records in found if records]
+
+
+def _read_shapes(elements: list[Element], reader: Reader) -> Iterator[Shape]:
+    """Yield the shapes, of grounds before those of bodies."""
+    for element in sorted(elements, key=lambda element: element.tag != "ground"):
+        yield from read_shapes(element, reader)
 
 
 def _read_loads(elements: list[Element], reader: Reader) -> Iterator[Load]:
@@ -273,7 +298,10 @@ def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None
     """Add a fault for every name that is taken within its groups or cannot head a column."""
     records = [record for group in groups for record in root.iterfind(f"system/{group}/*")]
     if "loads" in groups:  # beams have columns beside those of loads in work.csv
-        records += root.iterfind("system/bodies/beam")
+        records += [
+            *root.iterfind("system/bodies/beam"),
+            *root.iterfind("system/bodies/beamOfBodies"),
+        ]
     labels = [label for record in records if (label := _label(record)) is not None]
     names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]
     reserved = RESERVED if "loads" in groups else ()
@@ -298,13 +326,17 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
     A body with faults is known by name, so that references to it resolve.
     """
     context = reader.context
-    for element in root.iterfind("system/bodies/*/name"):
-        context.axes.setdefault(text(element), IDENTITY)
+    for element in root.iterfind("system/bodies/*"):
+        if element.tag != "beamOfBodies":
+            for name in element.iterfind("name"):
+                context.axes.setdefault(text(name), IDENTITY)
     for element in root.iterfind("system/bodies/ground"):
         context.grounds[text(element.find("name"))] = None
     if not is_complete(root, "bodies", TAGS):
         context.grounds.setdefault(INERTIAL)
     for element in sound:
+        if element.tag == "beamOfBodies":
+            continue
         orientation = reader.orientation(element)
         axes = IDENTITY if orientation is ZERO else matrix(orientation)
         context.axes[text(element.find("name"))] = axes

@@ -12,13 +12,15 @@ from typing import cast
 
 from msahl.check.names import unresolved
 from msahl.deck.faults import KINDS, Element, Faults, attribute, collapsed, text
-from msahl.deck.values import Reader
+from msahl.deck.values import INERTIAL_BASIS, Reader
 
 ENDS = ("parent", "child")
 BODIES = ("system/*/*/parent/name", "system/*/*/child/name", "system/*/*/body")
 """Elements that name a body; any element may have a ``basis`` as well."""
 JOINTS = ("system/*/*/first", "system/*/*/second", "system/*/*/joint")
 """Elements that name a joint."""
+ROTATING = ("force", "moment", "acceleration", "marker")
+"""Elements whose ``basis`` rotates with its body; others take it as it stands at t = 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +71,16 @@ def _to_bodies(root: Element, faults: Faults) -> Iterator[Reference]:
         elif not faults.own(end) and (owner := end.getparent()) is not None:
             yield Reference(owner, label, str(end.tag), text(label))
     for element in root.iterfind("system//*[@basis]"):
-        if not faults.own(element):
-            yield Reference(element, element, "basis", attribute(element, "basis"))
+        given = attribute(element, "basis")
+        if not faults.own(element) and (given != INERTIAL_BASIS or _rotates(element)):
+            yield Reference(element, element, "basis", given)
+
+
+def _rotates(element: Element) -> bool:
+    """Return whether the axes that ``basis`` names are those of a body during the motion."""
+    owner = element.getparent()
+    of_load = element.tag == "direction" and owner is not None and owner.tag == "distributed"
+    return of_load or element.tag in ROTATING
 
 
 def _to_joints(root: Element, faults: Faults) -> Iterator[Reference]:

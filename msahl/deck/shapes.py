@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from msahl.algebra.rotation import matrix
-from msahl.algebra.vector import IDENTITY, Matrix, transpose
+from msahl.algebra.vector import IDENTITY, Matrix
 from msahl.check.directions import frame, unit
 from msahl.check.loads import direction_findings
 from msahl.check.shapes import shape_findings
@@ -25,7 +24,8 @@ def _read_shape(element: Element, body: str, reader: Reader) -> Shape:
     kind = str(element.tag)
     if kind == "mesh":
         units = attribute(element, "units") or DEFAULTS[reader.unit_system]["length"]
-        size: tuple[float, ...] = (to_si(1.0, units, "length"),)
+        scale = float(attribute(element, "scale", "1"))
+        size: tuple[float, ...] = (scale * to_si(1.0, units, "length"),)
     else:
         size = reader.numbers(element, SIZES[kind], "length")
     shape = Shape(
@@ -43,13 +43,11 @@ def _read_shape(element: Element, body: str, reader: Reader) -> Shape:
 
 def _axes(element: Element, body: str, reader: Reader) -> Matrix:
     """Return x, y, z of a shape as rows, in the axes of its body."""
-    axis, rotation = element.find("axis"), element.find("orientation/eulerRotation")
-    if axis is not None and rotation is not None:
+    axis, orientation = element.find("axis"), element.find("orientation")
+    if axis is not None and orientation is not None:
         reader.faults.add(element, "<axis> is given beside <orientation>; keep one")
-    if rotation is not None:
-        return transpose(matrix(reader.rotation(rotation)))
-    if axis is None:
-        return IDENTITY
+    if axis is None or orientation is not None:
+        return reader.axes(orientation)
     direction = reader.vector(axis, own=body, wanted=body)
     if not any(direction):
         reader.add(axis, direction_findings("axis", direction))

@@ -86,7 +86,7 @@ def read_signal(element: Element, reader: Reader) -> AnySignal:
     name = attribute(element, "name")
     record: AnySignal
     if element.tag == "table":
-        record = SignalTable(name, _table(element, reader))
+        record = SignalTable(name, read_table_of_numbers(element, reader))
     elif element.tag == "signal":
         unit = _unit(element, reader)
         record = Signal(name, read_expression(element, unit and unit.dimension, reader))
@@ -252,12 +252,18 @@ def _unit(element: Element, reader: Reader, wanted: Dimension | None = None) -> 
     return None
 
 
-def _table(element: Element, reader: Reader) -> Law | Surface:
-    """Return a table of one or of two variables [SI]."""
-    kind = attribute(element, "interpolation", "linear")
+def read_table_of_numbers(
+    element: Element,
+    reader: Reader,
+    kind: str = "linear",
+    units: tuple[str, str] = ("1", "1"),
+) -> Law | Surface:
+    """Return a table of one or of two variables [SI]; its ``kind``, and the units of x and of the
+    values, are those that an element has which does not say otherwise."""
+    kind = attribute(element, "interpolation", kind)
     x, y = element.find("x"), element.find("y")
-    rows = tuple(_numbers(row, element, reader) for row in element.iterfind("values"))
-    across = () if x is None else _numbers(x, x, reader)
+    rows = tuple(_numbers(row, element, reader, units[1]) for row in element.iterfind("values"))
+    across = () if x is None else _numbers(x, x, reader, units[0])
     if y is None:
         numbers = rows[0] if len(rows) == 1 else ()
         if len(rows) != 1 or len(numbers) != len(across):
@@ -268,9 +274,11 @@ def _table(element: Element, reader: Reader) -> Law | Surface:
     return Surface(kind, across, _numbers(y, y, reader), rows)
 
 
-def _numbers(element: Element, units: Element, reader: Reader) -> tuple[float, ...]:
+def _numbers(
+    element: Element, units: Element, reader: Reader, default: str = "1"
+) -> tuple[float, ...]:
     """Return the numbers of a list in SI; the unit is an attribute of the element ``units``."""
-    name = attribute(units, "units", "1")
+    name = attribute(units, "units", default)
     unit = parse_unit(name)
     if unit is None:
         reader.faults.add(units, f"unknown unit '{name}'; write products with - and one /: N-m/A")

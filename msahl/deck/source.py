@@ -33,6 +33,10 @@ TEXT = Path("<deck>")
 """What messages call a deck that is in no file; parts are looked for in the current folder."""
 
 
+RECORDS = Path("<records>")
+"""Likewise a deck that was written from records."""
+
+
 class Readable(NamedTuple):
     """What can be read of a deck that may have faults.
 
@@ -85,6 +89,13 @@ class Source:
             kind = type(deck).__name__
             raise TypeError(f"a deck is a path, a text, bytes or its root element, not {kind}")
         return cls(TEXT, ElementTree.tostring(deck))
+
+    @classmethod
+    def of_model(cls, model: Model) -> "Source":
+        """Return the deck that a model of records is written as."""
+        from msahl.deck.write_model import write_deck  # which few runs need
+
+        return cls(RECORDS, write_deck(model))
 
     def as_json(self) -> dict[str, Any]:
         """Return the files as JSON."""

@@ -7,6 +7,7 @@ from msahl.deck.ends import (
     SIDES,
     Ends,
     carried,
+    given_frames,
     is_placed,
     own_frame,
     read_ends,
@@ -77,15 +78,22 @@ def read_bushing(element: Element, reader: Reader) -> Bushing:
     axis, or both give their own."""
     ends = read_ends(element, reader)
     aligned = attribute(element, "unloaded") == "aligned"
-    here, there = _own_frames(element, reader) if aligned else _shared_frames(element, ends, reader)
+    frames = given_frames(element, reader)
+    if frames is None:
+        read = _own_frames(element, reader) if aligned else _shared_frames(element, ends, reader)
+        here, there = read
+        frames = (
+            carried(here, ends.parent, reader.context),
+            carried(there, ends.child, reader.context),
+        )
     bushing = Bushing(
         name=text(element.find("name")),
         parent=ends.parent,
         child=ends.child,
         parent_point=ends.parent_point,
         child_point=ends.child_point,
-        parent_axes=carried(here, ends.parent, reader),
-        child_axes=carried(there, ends.child, reader),
+        parent_axes=frames[0],
+        child_axes=frames[1],
         stiffness=_six(element, ("stiffness", "angularStiffness"), reader),
         damping=_six(element, ("damping", "angularDamping"), reader),
         aligned=aligned,

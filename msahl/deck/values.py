@@ -9,11 +9,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from msahl.algebra.rotation import from_axis_angle
-from msahl.algebra.vector import ZERO, Vector
+from msahl.algebra.rotation import from_axis_angle, matrix, rescaled
+from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, transpose
 from msahl.beams.mesh import Mesh
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import unit
+from msahl.check.ends import frame_findings
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
@@ -42,6 +43,9 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
 }
 """Physical quantity and components of every vector element."""
 
+INERTIAL_BASIS = "inertial"
+"""Names the inertial axes as the basis of a vector, if no body is called so."""
+
 PLACES = {"inertia": "moi", "free_length": "freeLength"}
 """Child that holds a part of a record, where its tag is not the part's name."""
 
@@ -56,6 +60,12 @@ REFERENCES = {
 
 CERTAIN = frozenset((*REFERENCES, "ends", "entries", "numbers"))
 """Parts whose findings are right even if other parts of the element could not be read."""
+
+
+def is_inertial(element: Element, context: Context) -> bool:
+    """Return whether a vector is given in the inertial axes, named as such."""
+    name = attribute(element, "basis")
+    return name == INERTIAL_BASIS and name not in context.axes
 
 
 @dataclass(slots=True)
@@ -79,7 +89,6 @@ class Reader:
     for some fault. ``signal_dimensions`` and ``table_dimensions`` are what signals, states and
     tables say of their units. ``meshes`` are of beams by name, ``beams`` their nodes, ``lengths``
     their lengths [m].
-    ``carried`` are vectors that were given in the axes of another body, in those of their own.
     """
 
     unit_system: str
@@ -95,7 +104,6 @@ class Reader:
     unplaced: set[str] = field(default_factory=set)
     signal_dimensions: dict[str, Dimension | None] = field(default_factory=dict)
     table_dimensions: dict[str, TableDimensions] = field(default_factory=dict)
-    carried: dict[Element, Vector] = field(default_factory=dict)
 
     def add(self, element: Element, findings: Iterable[Finding]) -> None:
         """Add findings about the record of ``element`` to the faults, each at the child that holds
@@ -168,10 +176,8 @@ class Reader:
         unless it names another."""
         if element is None:
             return ZERO
-        basis, a = self.basis(element) or own, self.components(element)
-        if basis != own:
-            self.carried[element] = self.context.rotated(a, basis, own)
-        return self.context.rotated(a, basis, wanted)
+        basis = INERTIAL if is_inertial(element, self.context) else self.basis(element) or own
+        return self.context.rotated(self.components(element), basis, wanted)
 
     def basis(self, element: Element) -> str:
         """Return the frame that ``basis`` names, "" if it names none or an unknown one."""
@@ -190,8 +196,48 @@ class Reader:
 
     def orientation(self, body: Element) -> Vector:
         """Return the Wiener-Milenkovic parameters of a body's axes in the inertial axes."""
-        rotation = body.find("initialConditions/orientation/eulerRotation")
-        return ZERO if rotation is None else self.rotation(rotation)
+        given = body.find("initialConditions/orientation")
+        return ZERO if given is None else self.parameters_of(given)
+
+    def parameters_of(self, orientation: Element) -> Vector:
+        """Return the Wiener-Milenkovic parameters that an ``<orientation>`` gives, in one of two
+        ways."""
+        rotation = orientation.find("eulerRotation")
+        given = [child for child in orientation if child.tag != "eulerRotation"]
+        if (rotation is None) == (not given):
+            message = "give either <eulerRotation> or the parameters <P1>, <P2>, <P3>"
+            self.faults.add(orientation, message)
+            return ZERO
+        if rotation is None:
+            x, y, z = self.numbers(orientation, ("P1", "P2", "P3"))
+            return rescaled((x, y, z))
+        return self.rotation(rotation)
+
+    def axes(self, orientation: Element | None) -> Matrix:
+        """Return the rows x, y, z that the ``<orientation>`` of a part of a body gives."""
+        if orientation is None:
+            return IDENTITY
+        rotation, given = orientation.find("eulerRotation"), orientation.find("axes")
+        if (rotation is None) == (given is None):
+            self.faults.add(orientation, "give either <eulerRotation> or <axes>")
+            return IDENTITY
+        if given is not None:
+            return self.frame(given)
+        assert rotation is not None
+        P = self.rotation(rotation)
+        return IDENTITY if P == ZERO else transpose(matrix(P))
+
+    def frame(self, element: Element) -> Matrix:
+        """Return the frame of an element that has its rows x, y, z as nine numbers."""
+        a = tuple(float(word) for word in text(element).split())
+        if len(a) != 9:
+            self.faults.add(element, f"it has {len(a)} numbers; give nine: x, y and z of the frame")
+            return IDENTITY
+        rows = ((a[0], a[1], a[2]), (a[3], a[4], a[5]), (a[6], a[7], a[8]))
+        for finding in frame_findings(rows, ""):
+            self.faults.add(element, finding.message)
+            return IDENTITY
+        return rows
 
     def rotation(self, rotation: Element) -> Vector:
         """Return the Wiener-Milenkovic parameters of an ``<eulerRotation>``."""

@@ -18,7 +18,7 @@ l Q. The derivative of the second equation (times h/2) by Q is R J0 - [R L h/2] 
 The exponential-map update has psi Q in place of Q in L, and psi times the left side of the second
 equation, psi = 2 atan(|Q|/2)/|Q|: h times the mean angular velocity is then the rotation vector.
 
-A decaying scheme (``schemes.Decay``) has u/h = (v0 + v1)/2 + chi/2 y, y = v1 - v0 - s, with
+A decaying scheme (``model.scheme.Decay``) has u/h = (v0 + v1)/2 + chi/2 y, y = v1 - v0 - s, with
 
     s' = pole s + (1 - pole) (v1 - v0)                 smoothed change of v, handed on
     v1 = v0 + (u/h - v_go)/share ,   v_go = v0 - chi/2 s ,   share = (1 + chi)/2
@@ -97,7 +97,7 @@ def prepare(bodies: RigidBodies, R: np.ndarray, start: RigidBodiesWorkspace) -> 
 
 
 @kernel
-def lost(
+def offset_deficit(
     bodies: RigidBodies,
     start: RigidBodiesWorkspace,
     motion: FramesWorkspace,

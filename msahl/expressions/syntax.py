@@ -2,11 +2,11 @@
 
     or < and < not < comparison < + - < * / < unary minus < ^
 
-``^`` is the power, which binds to the right; ``-x^2`` is ``-(x^2)``. Comparisons are not chained.
-A name is ``NAME`` or ``ELEMENT.VALUE``, each part an identifier or any text in quotes; a name
-before a parenthesis is a function of ``FUNCTIONS`` or else a table. Nothing is ever executed: a
-text is only split into numbers, names and signs. Length, depth and size are bounded, so every text
-is read in a time proportional to its length.
+``^`` is the power, which binds to the right; ``-x^2`` is ``-(x^2)``, and ``-2`` is one number.
+Comparisons are not chained. A name is ``NAME`` or ``ELEMENT.VALUE``, each part an identifier or any
+text in quotes; a name before a parenthesis is a function of ``FUNCTIONS`` or else a table. Nothing
+is ever executed: a text is only split into numbers, names and signs. Length, depth and size are
+bounded, so every text is read in a time proportional to its length.
 
 Python's own parser (``ast``) is not used: it gives ``^`` the place of a logical operation, reserves
 words such as ``lambda`` and ``in`` that are good names, and warns of, or normalises, what it reads.
@@ -370,9 +370,12 @@ class _Parser:
             return self._named(token)
         if token.text in UNARY:
             function, precedence = UNARY[token.text]
+            literal = self._next.kind == "number"
             operand = self._expression(precedence)
             if not function:
                 return operand
+            if literal and isinstance(operand, Number) and function == "negate":
+                return Number(-operand.value, token.column)
             return self._counted(Call(function, (operand,), token.column))
         if token.text == "(":
             tree = self._expression(0)

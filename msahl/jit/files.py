@@ -81,10 +81,10 @@ class Files:
         """A short name for the compiler and the processor."""
         from llvmlite import binding as llvm
 
-        told = [llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), sys.platform]
-        told += [version_of("numba"), version_of("llvmlite"), sys.implementation.cache_tag]
-        told += [os.environ.get(name, "") for name in SETTINGS]
-        return hashlib.sha256(repr((LAYOUT, told)).encode()).hexdigest()[:12]
+        machine = [llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), sys.platform]
+        machine += [version_of("numba"), version_of("llvmlite"), sys.implementation.cache_tag]
+        machine += [os.environ.get(name, "") for name in SETTINGS]
+        return hashlib.sha256(repr((LAYOUT, machine)).encode()).hexdigest()[:12]
 
 
 def portable_name(name: Name) -> str:

@@ -60,8 +60,8 @@ class Storage:
             return kept  # type: ignore[no-any-return]
         self._groups[name] = fresh
         self._doubles.clear()
-        arrays = {id(of): of for group in self._groups.values() for of in arrays_in(group)}
-        self._owned, self.size = set(arrays), sum(of.nbytes for of in arrays.values())
+        arrays = {id(one): one for group in self._groups.values() for one in arrays_in(group)}
+        self._owned, self.size = set(arrays), sum(one.nbytes for one in arrays.values())
         return fresh
 
     def call(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
@@ -175,5 +175,5 @@ class Storages:
         with self._lock:
             self._free.setdefault(storage.kind, []).append(storage)
             self._free.move_to_end(storage.kind)
-            while sum(of.size for kept in self._free.values() for of in kept) > MOST_BYTES:
+            while sum(one.size for kept in self._free.values() for one in kept) > MOST_BYTES:
                 self._free.popitem(last=False)

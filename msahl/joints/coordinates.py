@@ -11,7 +11,7 @@
 All are functions of the configuration alone and do not depend on where the motion starts: an angle
 is zero where the child's reference direction is along the parent's. ``angle1`` is zero where the
 child's axis is along the parent's reference, ``angle2`` where the parent's axis is along the
-child's reference. Angles are found within half a revolution of zero; ``joints.rotations`` counts.
+child's reference. Angles are found within half a revolution of zero; ``run.joint_table`` counts.
 
 Everything here is in the parent's axes, for m output times at once:
 
@@ -118,8 +118,8 @@ def stacked(joints: Sequence[Joint]) -> Geometry:
 
 def relative(joint: Joint | Geometry, parent: "Motion", child: "Motion") -> Relative:
     """Return the motion of the child relative to the parent."""
-    of = geometry(joint) if isinstance(joint, Joint) else joint
-    a, b = point_motion(parent, of.s_a), point_motion(child, of.s_b)
+    shape = geometry(joint) if isinstance(joint, Joint) else joint
+    a, b = point_motion(parent, shape.s_a), point_motion(child, shape.s_b)
     R_a = np.swapaxes(parent.R, -1, -2)  # inertial to parent's axes
     D, w_a = rotated(R_a, b.x - a.x), rotated(R_a, parent.w)
     w = rotated(R_a, child.w) - w_a
@@ -167,10 +167,10 @@ def values_and_rates(joint: Joint | Geometry, motion: Relative) -> list[np.ndarr
     """Return values and rates, and accelerations if ``motion`` has them: each (m, c) by the
     ``columns`` of its level.
     """
-    of = geometry(joint) if isinstance(joint, Joint) else joint
+    shape = geometry(joint) if isinstance(joint, Joint) else joint
     parts: list[list[np.ndarray]] = [[], [], []]
-    for name in of.names:
-        for level, columns_of in enumerate(_FUNCTIONS[name](of, motion)):
+    for name in shape.names:
+        for level, columns_of in enumerate(_FUNCTIONS[name](shape, motion)):
             parts[level].append(columns_of)
     known = 2 if motion.a is None else 3
     none = np.zeros((*motion.D.shape[:-1], 0))
@@ -251,33 +251,35 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
 
-def _slide(row: int, of: Geometry, motion: Relative) -> list[np.ndarray]:
+def _slide(row: int, geometry: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return D along an axis of the parent's frame and its derivatives, each (..., 1)."""
-    axis = of.here[..., row, :]
+    axis = geometry.here[..., row, :]
     vectors = (motion.D, motion.v, motion.a)
     return [dot(vector, axis)[..., None] for vector in vectors if vector is not None]
 
 
-def _angle(of: Geometry, motion: Relative) -> list[np.ndarray]:
+def _angle(geometry: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return the angle about axes that stay parallel, and its derivatives, each (..., 1)."""
-    x, y, z = (of.here[..., i, :] for i in range(3))
-    e = rotated(motion.R, of.there[..., X, :])
+    x, y, z = (geometry.here[..., i, :] for i in range(3))
+    e = rotated(motion.R, geometry.there[..., X, :])
     angle = np.arctan2(dot(e, y), dot(e, x))
     rates = [dot(w, z) for w in (motion.w, motion.alpha) if w is not None]
     return [column[..., None] for column in (angle, *rates)]
 
 
-def _angle1(of: Geometry, motion: Relative) -> list[np.ndarray]:
+def _angle1(geometry: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return the angle of the child's axis about the parent's, and its derivatives."""
-    return _about(of.here, rotated(motion.R, of.there[..., Z, :]), motion.w, motion.alpha)
+    return _about(
+        geometry.here, rotated(motion.R, geometry.there[..., Z, :]), motion.w, motion.alpha
+    )
 
 
-def _angle2(of: Geometry, motion: Relative) -> list[np.ndarray]:
+def _angle2(geometry: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return minus the angle of the parent's axis about the child's, in the child's axes."""
     R = np.swapaxes(motion.R, -1, -2)
     alpha = None if motion.alpha is None else -rotated(R, motion.alpha)
-    k = rotated(R, of.here[..., Z, :])
-    return [-part for part in _about(of.there, k, -rotated(R, motion.w), alpha)]
+    k = rotated(R, geometry.here[..., Z, :])
+    return [-part for part in _about(geometry.there, k, -rotated(R, motion.w), alpha)]
 
 
 def _about(
@@ -299,7 +301,7 @@ def _about(
     return [column[..., None] for column in found]
 
 
-def _orientation(of: Geometry, motion: Relative) -> list[np.ndarray]:
+def _orientation(geometry: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return the parameters, angular velocity and acceleration in the child's axes, (..., 3)."""
     R = np.swapaxes(motion.R, -1, -2)
     rates = [rotated(R, w) for w in (motion.w, motion.alpha) if w is not None]
@@ -309,9 +311,9 @@ def _orientation(of: Geometry, motion: Relative) -> list[np.ndarray]:
 _SLIDES = {"slide": Z, "slide1": 0, "slide2": 1}
 """Rows of the parent's frame along which the displacements are measured."""
 _FUNCTIONS = {
-    "slide": lambda of, motion: _slide(Z, of, motion),
-    "slide1": lambda of, motion: _slide(0, of, motion),
-    "slide2": lambda of, motion: _slide(1, of, motion),
+    "slide": lambda geometry, motion: _slide(Z, geometry, motion),
+    "slide1": lambda geometry, motion: _slide(0, geometry, motion),
+    "slide2": lambda geometry, motion: _slide(1, geometry, motion),
     "angle": _angle,
     "angle1": _angle1,
     "angle2": _angle2,

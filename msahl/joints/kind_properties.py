@@ -1,4 +1,4 @@
-"""What follows from the equations of a kind of joint: how it is drawn, and whose axes it uses.
+"""What follows from the equations of a kind of joint: how it is drawn.
 
 The equations of a kind depend on the joint's axes and parameters. For an answer about the kind they
 are stated once, for a joint of any numbers.
@@ -6,14 +6,12 @@ are stated once, for a joint of any numbers.
 
 import math
 
-from msahl.algebra.vector import IDENTITY, ZERO, Matrix
+from msahl.algebra.vector import ZERO
 from msahl.elements.constraints.coordinate_kinds import PLAIN
 from msahl.elements.constraints.products import DOT, SLIDE
 from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Equations, Kind
 from msahl.model.joints import Joint
 
-OTHER: Matrix = (IDENTITY[1], IDENTITY[2], IDENTITY[0])
-"""A frame none of whose axes are those of ``IDENTITY``."""
 GLYPHS = {
     (3, 3): "fixed",
     (3, 2): "axis",
@@ -45,19 +43,6 @@ def glyph(kind: Kind) -> str:
     return GLYPHS.get((displacements, rotations), "contact")
 
 
-def axis_sides(kind: Kind) -> tuple[str, ...]:
-    """Return the sides, parent and child, whose axes the equations of a kind use.
-
-    Of a kind with one axis for both sides that uses one, only that side's is the joint's later on.
-    """
-    equations = _equations(kind)
-    used = (
-        (PARENT, equations != _equations(kind, parent_axes=OTHER)),
-        (CHILD, equations != _equations(kind, child_axes=OTHER)),
-    )
-    return tuple(side for side, is_used in used if is_used)
-
-
 def _prevents(equation: Equation, product: int) -> bool:
     """Return whether an equation is of one product of a kind alone, at position level."""
     first = equation.first
@@ -65,12 +50,10 @@ def _prevents(equation: Equation, product: int) -> bool:
     return alone and first.products[0].kind == product
 
 
-def _equations(
-    kind: Kind, parent_axes: Matrix = IDENTITY, child_axes: Matrix = IDENTITY
-) -> Equations:
+def _equations(kind: Kind) -> Equations:
     """Return the equations of a joint of a kind, with parameters that its bounds allow."""
     parameters = tuple(
         (name, 1.0 if math.isinf(bound) else bound + 1.0) for name, _, _, bound in kind.parameters
     )
     ends = ("", kind.name, PARENT, CHILD, ZERO, ZERO)
-    return kind.equations(Joint(*ends, parent_axes, child_axes, parameters))
+    return kind.equations(Joint(*ends, parameters=parameters))

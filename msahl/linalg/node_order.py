@@ -161,10 +161,10 @@ def along_beams(graph: Graph, near: list[set[int]], held: set[int]) -> np.ndarra
     bodies, elements = graph.bodies, graph.elements
     inner: dict[int, list[int]] = {}  # by element
     for e in np.flatnonzero(graph.of_beam).tolist():
-        own = set(bodies.items[bodies.first[e] : bodies.first[e + 1]].tolist())
-        alone = [b for b in sorted(own) if elements.first[b + 1] - elements.first[b] == 1]
-        inner[e] = [b for b in alone if near[b] | {b} == own]
-    inside = {b for own in inner.values() for b in own}
+        nodes = set(bodies.items[bodies.first[e] : bodies.first[e + 1]].tolist())
+        alone = [b for b in sorted(nodes) if elements.first[b + 1] - elements.first[b] == 1]
+        inner[e] = [b for b in alone if near[b] | {b} == nodes]
+    inside = {b for nodes in inner.values() for b in nodes}
     order: list[int] = []
     left = [set() if b in inside else others - inside for b, others in enumerate(near)]
     for b in smallest_degree(left, held - inside, held_first=False).tolist():

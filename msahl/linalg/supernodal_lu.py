@@ -286,27 +286,27 @@ def solve(nodes: Supernodes, d: int, W: np.ndarray) -> None:
     x = y + nodes.first[last] * d
     for k in range(last):
         s, r = _size(nodes, k)
-        upper, own, row = nodes.start[k] * d * d, y + nodes.first[k] * d, nodes.rest[k]
+        upper, y_own, row = nodes.start[k] * d * d, y + nodes.first[k] * d, nodes.rest[k]
         wide = (s + r) * d
         for i in range(s):
-            _solve_row(W, (i * d, d), (upper, wide), own, x)
+            _solve_row(W, (i * d, d), (upper, wide), y_own, x)
         for i in range(r * d):
             W[x + i] = W[y + nodes.row[row + i // d] * d + i % d]
         lower = (upper + s * d * wide, r * d)
-        subtract_product(W, (1, r * d, s * d), (own, 0, 1), lower, (x, 0))
+        subtract_product(W, (1, r * d, s * d), (y_own, 0, 1), lower, (x, 0))
         for i in range(r * d):
             W[y + nodes.row[row + i // d] * d + i % d] = W[x + i]
     for k in range(last - 1, -1, -1):
         s, r = _size(nodes, k)
-        upper, own, row = nodes.start[k] * d * d, y + nodes.first[k] * d, nodes.rest[k]
+        upper, y_own, row = nodes.start[k] * d * d, y + nodes.first[k] * d, nodes.rest[k]
         wide = (s + r) * d
         for i in range(r * d):
             W[x + i] = W[y + nodes.row[row + i // d] * d + i % d]
-        _subtract_rows(W, (s * d, r * d), (upper + s * d, wide), x, own)
+        _subtract_rows(W, (s * d, r * d), (upper + s * d, wide), x, y_own)
         for i in range(s - 2, -1, -1):
             behind = (i + 1) * d
             at = upper + i * d * wide + behind
-            _subtract_rows(W, (d, s * d - behind), (at, wide), own + behind, own + i * d)
+            _subtract_rows(W, (d, s * d - behind), (at, wide), y_own + behind, y_own + i * d)
 
 
 @kernel

@@ -130,30 +130,34 @@ def _grouped(later: list[np.ndarray], begin: np.ndarray) -> _Grouped:
 
 
 def _places(
-    of: _Grouped, rows: np.ndarray, columns: np.ndarray
+    grouped: _Grouped, rows: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return where entries of these pivots stand: start of a row of a panel, column in it, and its
     width; and whether it is one of L^T.
     """
-    a, b = of.super_of[rows], of.super_of[columns]
+    a, b = grouped.super_of[rows], grouped.super_of[columns]
     lower = a > b
     own, pivot = np.where(lower, b, a), np.where(lower, columns, rows)
     other = np.where(lower, rows, columns)
-    s, r = np.diff(of.first)[own], np.diff(of.rest)[own]
-    inside = other - of.first[own]
-    behind = np.searchsorted(of.key, own * of.super_of.size + other) - of.rest[own]
+    s, r = np.diff(grouped.first)[own], np.diff(grouped.rest)[own]
+    inside = other - grouped.first[own]
+    behind = np.searchsorted(grouped.key, own * grouped.super_of.size + other) - grouped.rest[own]
     column = np.where(lower, behind, np.where(a == b, inside, s + behind))
     width = np.where(lower, r, s + r)
-    start = of.start[own] + np.where(lower, s * (s + r), 0) + (pivot - of.first[own]) * width
+    start = (
+        grouped.start[own] + np.where(lower, s * (s + r), 0) + (pivot - grouped.first[own]) * width
+    )
     return start, column, width, lower
 
 
-def _updates(of: _Grouped) -> tuple[np.ndarray, Updates]:
+def _updates(grouped: _Grouped) -> tuple[np.ndarray, Updates]:
     """Return where the updates of each supernode begin, and all updates."""
-    pairs = [_pairs(of, k) for k in range(of.first.size - 1)]
+    pairs = [_pairs(grouped, k) for k in range(grouped.first.size - 1)]
     k, left, rows, right, columns = np.concatenate(pairs, axis=1)
-    row = of.rest[k]
-    start, column, width, lower = _places(of, of.row[row + left], of.row[row + right])
+    row = grouped.rest[k]
+    start, column, width, lower = _places(
+        grouped, grouped.row[row + left], grouped.row[row + right]
+    )
     # The panel of L is transposed, so are its products.
     left, right = np.where(lower, right, left), np.where(lower, left, right)
     rows, columns = np.where(lower, columns, rows), np.where(lower, rows, columns)
@@ -163,19 +167,19 @@ def _updates(of: _Grouped) -> tuple[np.ndarray, Updates]:
     goes_on = (np.diff(found[[0, 1, 2, 6]]) == 0).all(axis=0)
     goes_on &= (right[1:] == (right + columns)[:-1]) & (column[1:] == (column + columns)[:-1])
     head = np.flatnonzero(np.append(True, ~goes_on))[: k.size]
-    counts = np.bincount(k[head], minlength=of.first.size - 1)
+    counts = np.bincount(k[head], minlength=grouped.first.size - 1)
     merged = found[1:, head]
     if head.size:
         merged[4] = np.add.reduceat(columns, head)
     return np.append(0, np.cumsum(counts)), Updates(merged[0] > 0, *merged[1:])
 
 
-def _pairs(of: _Grouped, k: int) -> np.ndarray:
+def _pairs(grouped: _Grouped, k: int) -> np.ndarray:
     """Return, for pairs of groups in the ``row`` of supernode ``k``, (k, first of ``row``, size,
     first, size).
     """
-    row = of.row[of.rest[k] : of.rest[k + 1]]
-    new = (np.diff(row) != 1) | (np.diff(of.super_of[row]) != 0)
+    row = grouped.row[grouped.rest[k] : grouped.rest[k + 1]]
+    new = (np.diff(row) != 1) | (np.diff(grouped.super_of[row]) != 0)
     edges = np.concatenate([[0], np.flatnonzero(new) + 1, [row.size]])[row.size == 0 :]
     first, size = edges[:-1], np.diff(edges)
     i, j = (index.reshape(-1) for index in np.indices((size.size, size.size)))

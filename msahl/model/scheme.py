@@ -75,7 +75,7 @@ WORKER = "scheme"
 def choices() -> tuple[str, ...]:
     """Names of all schemes as the option ``--scheme`` takes them; gauss3 is gauss of degree 3."""
     families = COLLOCATION.items()
-    collocation = (f"{name}{s}" for name, of in families for s in range(1, of.highest + 1))
+    collocation = (f"{name}{s}" for name, family in families for s in range(1, family.highest + 1))
     return (*ORDER_TWO, *collocation, AUTO)
 
 

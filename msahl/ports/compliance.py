@@ -21,8 +21,8 @@ one configuration the load follows from places and rates, so accelerations, equi
 models have it as a force; there the unknown stands alone, in an equation with the factor one.
 
 An equation is divided by 1 + c/dt2, c = mass/k, and by more with damping, as those of elastic
-strains are (``beams.midpoint``): a stiff spring has the equation of a constraint, and that of a
-soft one determines its load. Multipliers are scaled as in ``constraints.equations``.
+strains are (``elements.beams.midpoint``): a stiff spring has the equation of a constraint, and that
+of a soft one determines its load. Multipliers are scaled as in ``constraints.equations``.
 """
 
 from typing import NamedTuple
@@ -358,10 +358,10 @@ def add_stage_derivatives(
     places and by rates, and of the equations by their own multipliers.
     """
     for j in range(group.spring.size):
-        own, tau = stage_divisor(group, springs, j, h), retardation(group, springs, j)
-        share = 0.5 * h / own
+        divided_by, tau = stage_divisor(group, springs, j, h), retardation(group, springs, j)
+        share = 0.5 * h / divided_by
         _add_blocks(group, springs, coords, start, frames, (1.0, share), j, out.by_place)
-        out.by_place[_own_place(group, j)] += own_compliance(group, j) / own
+        out.by_place[_own_place(group, j)] += own_compliance(group, j) / divided_by
         if tau > 0.0:
             q, slot, c = coordinate_of(group, springs, j), group.place[j, 1], share * tau
             half = rate_gradient(coords, start, frames, motion, q, out)

@@ -338,7 +338,7 @@ def work_of_first(
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
-    lost: float,
+    deficit: float,
     total: np.ndarray,
 ) -> None:
     """Add the work [J] of the first moments over a step with the accelerations ``a`` and ``alpha``
@@ -346,14 +346,14 @@ def work_of_first(
 
     Their sum is ``-lost``. The part that goes through joints is shared out by the laws' moments.
     """
-    size, rest = 0.0, -lost
+    size, rest = 0.0, -deficit
     for k in range(group.frame.size):
         b = group.frame[k]
-        own = (
+        work_done = (
             -h * h * (dot(at(a, b), at(start.first_f, k)) + dot(at(alpha, b), at(start.first_m, k)))
         )
-        total[group.column[k]] += own
-        rest -= own
+        total[group.column[k]] += work_done
+        rest -= work_done
         size += abs(start.first[k])
     for k in range(group.frame.size):
         total[group.column[k]] += rest * abs(start.first[k]) / size

@@ -39,29 +39,31 @@ def new_workspace(group: ControlledLoads | None) -> Any:
     if group is None:
         return None
     vectors = group.loads.f.shape
-    own = concentrated.new_workspace(group.loads)
-    return ControlledWorkspace(own, np.zeros(vectors), np.zeros(vectors))
+    loads = concentrated.new_workspace(group.loads)
+    return ControlledWorkspace(loads, np.zeros(vectors), np.zeros(vectors))
 
 
 @kernel
-def set_factors(group: ControlledLoads, start: ControlledWorkspace, own: SignalsWorkspace) -> None:
+def set_factors(
+    group: ControlledLoads, start: ControlledWorkspace, signals_start: SignalsWorkspace
+) -> None:
     """Set the factors to the results of the signals."""
     for k in range(group.loads.frame.size):
-        start.loads.factor[k] = own.result[group.first_result + k]
+        start.loads.factor[k] = signals_start.result[group.first_result + k]
 
 
 @optional()
 def add_force(
     group: ControlledLoads,
     start: ControlledWorkspace,
-    own: SignalsWorkspace,
+    signals_start: SignalsWorkspace,
     frames: Frames,
     R: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Add the loads at one configuration by mass to the rows of their bodies."""
     loads = group.loads
-    set_factors(group, start, own)
+    set_factors(group, start, signals_start)
     concentrated.prepare(loads, start.loads.factor, R, start.loads)
     concentrated.add_force(loads, start.loads, frames, F)
     for k in range(loads.frame.size):
@@ -95,7 +97,7 @@ def add_power(
 def mean_residual(
     group: ControlledLoads,
     start: ControlledWorkspace,
-    own: SignalsWorkspace,
+    signals_start: SignalsWorkspace,
     motion: FramesWorkspace,
     step: tuple[Frames, float],
     Z: np.ndarray,
@@ -103,7 +105,7 @@ def mean_residual(
 ) -> None:
     """Subtract the mean loads from the equations of their bodies; ``step`` is (frames, dt2)."""
     loads, (frames, dt2), R = group.loads, step, motion.R
-    set_factors(group, start, own)
+    set_factors(group, start, signals_start)
     concentrated.prepare(loads, start.loads.factor, R, start.loads)
     concentrated.mean_residual(loads, start.loads, frames, dt2, Z, F)
     for k in range(loads.frame.size):

@@ -664,14 +664,14 @@ def work_of_first(
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
-    lost: float,
+    deficit: float,
     work: np.ndarray,
 ) -> None:
     """Add the work of the first moments over a step with the accelerations ``a`` and ``alpha``
-    (n+1, 3), whose sum is ``-lost`` [J], to ``work`` (w,).
+    (n+1, 3), whose sum is ``-deficit`` [J], to ``work`` (w,).
     """
     group, at_start = forces.concentrated, start.concentrated
-    concentrated.work_of_first(group, at_start, h, a, alpha, lost, work)
+    concentrated.work_of_first(group, at_start, h, a, alpha, deficit, work)
 
 
 @kernel
@@ -811,7 +811,7 @@ def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
     """
     of_moments, of_forces = 0.0, 0.0
     for group in _concentrated(forces):
-        force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
+        force, moment = (np.linalg.norm(loads, axis=1) for loads in (group.f, group.m))
         of_moments += float(moment.sum())
         of_forces += float(force @ length[group.frame])
     return of_moments, of_forces
@@ -820,11 +820,6 @@ def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
 def laws_of_time(forces: Forces) -> list[int]:
     """Return the numbers of the laws of time, -1 for a force without one."""
     return list(forces.concentrated.law.tolist())
-
-
-def depend_on_time(forces: Forces) -> bool:
-    """Return whether a force follows a law of time."""
-    return max(laws_of_time(forces), default=-1) >= 0
 
 
 def laws_of_coordinates(forces: Forces) -> Iterator[tuple[int, int, float]]:

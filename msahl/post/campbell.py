@@ -100,16 +100,16 @@ def _campbell(diagram: Diagram) -> Figure:
     top, bottom = figure.subplots(2, 1, sharex=True)
     top.set_title(plain(folded(diagram.title or "Modes", 64)))
     for k, number in enumerate(diagram.numbers):
-        own = diagram.mode(number)
+        rows = diagram.mode(number)
         look = {
             "color": COLOURS[k % len(COLOURS)],
             "linestyle": LINES[k // len(COLOURS) % len(LINES)],
-            "marker": "." if len(own) < 100 else "",
+            "marker": "." if len(rows) < 100 else "",
         }
-        hertz = np.where(own[:, 3] > 0.0, own[:, 3] / (2.0 * np.pi), np.nan)
-        top.plot(own[:, 0], hertz, **look)
+        hertz = np.where(rows[:, 3] > 0.0, rows[:, 3] / (2.0 * np.pi), np.nan)
+        top.plot(rows[:, 0], hertz, **look)
         label = f"mode {number}" if k < MOST_IN_LEGEND else "_more"
-        bottom.plot(own[:, 0], own[:, 2], label=label, **look)
+        bottom.plot(rows[:, 0], rows[:, 2], label=label, **look)
     _orders(top, diagram)
     bottom.axhline(0.0, color="#000000", linewidth=0.9)
     low, high = bottom.get_ylim()
@@ -172,14 +172,21 @@ def _root_locus(diagram: Diagram) -> Figure:
     values = diagram.rows[:, 0]
     low, high = float(values.min()), float(values.max())
     for number in diagram.numbers:
-        own = diagram.mode(number)
-        axes.plot(own[:, 2], own[:, 3], color="#cccccc", linewidth=1.0, zorder=1)
+        rows = diagram.mode(number)
+        axes.plot(rows[:, 2], rows[:, 3], color="#cccccc", linewidth=1.0, zorder=1)
         shades = axes.scatter(
-            own[:, 2], own[:, 3], c=own[:, 0], s=16, cmap="viridis", zorder=2, vmin=low, vmax=high
+            rows[:, 2],
+            rows[:, 3],
+            c=rows[:, 0],
+            s=16,
+            cmap="viridis",
+            zorder=2,
+            vmin=low,
+            vmax=high,
         )
         axes.annotate(
             str(number),
-            (own[0, 2], own[0, 3]),
+            (rows[0, 2], rows[0, 3]),
             xytext=(4, 4),
             textcoords="offset points",
             color="#444444",

@@ -61,21 +61,23 @@ def first_crossing(time: np.ndarray, values: np.ndarray, level: float) -> Event 
     return found[0] if found else None
 
 
-def _events(run: Run, column: str, of: Callable[[PPoly], PPoly], size: float = 0.0) -> list[Event]:
-    """Find where the function ``of`` the column's spline changes its sign; see ``_events_of``."""
+def _events(
+    run: Run, column: str, function: Callable[[PPoly], PPoly], size: float = 0.0
+) -> list[Event]:
+    """Find where a ``function`` of the column's spline changes its sign; see ``_events_of``."""
     values = _values(run, column)
     if len(run.time) <= DEGREES[0]:
         raise ResultError(
             f"{run.folder}: {len(run.time)} output times are too few to interpolate between them; "
             f"at least {DEGREES[0] + 1} are needed"
         )
-    return _events_of(run.time, values, of, size)
+    return _events_of(run.time, values, function, size)
 
 
 def _events_of(
-    time: np.ndarray, values: np.ndarray, of: Callable[[PPoly], PPoly], size: float
+    time: np.ndarray, values: np.ndarray, function: Callable[[PPoly], PPoly], size: float
 ) -> list[Event]:
-    """Find where the function ``of`` the spline of ``values`` (m,) changes its sign between the
+    """Find where a ``function`` of the spline of ``values`` (m,) changes its sign between the
     first and the last output time; values below the rounding error of the column, or of ``size``,
     have no sign.
     """
@@ -85,12 +87,12 @@ def _events_of(
     spacing = float(np.diff(time).max())
     # Extrapolated, because a coarse spline of a motion that starts at rest may have its extremum
     # before t = 0.
-    others = _roots(of(coarse), RESOLVED * spacing, extrapolate=True)
-    roots = _roots(of(fine), RESOLVED * spacing, extrapolate=False)
+    others = _roots(function(coarse), RESOLVED * spacing, extrapolate=True)
+    roots = _roots(function(fine), RESOLVED * spacing, extrapolate=False)
     distance = np.abs(roots[:, None] - others).min(axis=1, initial=np.inf)
     smallest = ROUND_OFF * max(np.abs(values).max(), size)
-    found = _inside(roots, distance, time) | _enclosed(of(fine), roots, time, smallest)
-    found &= _crossed(of(fine), roots, time, smallest)
+    found = _inside(roots, distance, time) | _enclosed(function(fine), roots, time, smallest)
+    found &= _crossed(function(fine), roots, time, smallest)
     return [
         Event(
             time=float(at),

@@ -145,9 +145,9 @@ def _panels(runs: Sequence[Run], columns: Sequence[str]) -> list[tuple[str, list
     if len(runs) > 1:
         return [(plain(f"{c} [{quantity(c, model).unit}]"), [c]) for c in columns]
     panels = []
-    for of, names in grouped(columns, model).items():
+    for quantity_shown, names in grouped(columns, model).items():
         parts = _parts(names)
-        panels += [(folded(str(of)), part) for part in parts]
+        panels += [(folded(str(quantity_shown)), part) for part in parts]
     return panels
 
 

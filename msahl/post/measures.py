@@ -192,7 +192,7 @@ def _no_column(column: str, tables: Mapping[str, list[str]]) -> str:
     """Say that there is no such column, and which ones are near."""
     from msahl.expressions.syntax import nearest
 
-    columns = [name for of in tables.values() for name in of if name != "time"]
+    columns = [name for listed in tables.values() for name in listed if name != "time"]
     head = column.partition(".")[0]
     same = [name for name in columns if name.startswith(f"{head}.")]
     return f"no table has a column '{printable(column)}'{nearest(column, same or columns)}"

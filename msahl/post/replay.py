@@ -1,6 +1,6 @@
 """Published rows -> states, and what the element laws say of each.
 
-    x_G = x_B + R r_BG          v_G = R (v_B + w x r_BG)          the inverse of ``rigid.publish``
+    x_G = x_B + R r_BG          v_G = R (v_B + w x r_BG)   inverse of ``rigid_body.write_states``
 
 Everything measured here is measured by the kernels the time loop runs, one row after the other.
 """

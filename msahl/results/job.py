@@ -30,8 +30,8 @@ class Job:
     """A run to be made of the deck ``source``: its ``model`` with the options ``given`` by name and
     the ``changed`` numbers of the deck, such as ``L=80 cm``.
 
-    ``moved`` is the deck as it runs where the model begins elsewhere than its deck has it, and
-    ``start`` what ``run.json`` says of that.
+    If the model begins elsewhere than its deck has it, ``start`` is what ``run.json`` says of that,
+    and ``moved`` the deck as it runs if that was written by an earlier run.
     """
 
     source: Source
@@ -50,13 +50,18 @@ class Job:
     @cached_property
     def text(self) -> bytes:
         """The deck as it runs; raises ``DeckError`` if a part of it cannot be read any more."""
-        if self.moved is not None:
-            return self.moved
+        if self.start is None:
+            return self.given_text
+        return Source.of_model(self.model).data if self.moved is None else self.moved
+
+    @cached_property
+    def given_text(self) -> bytes:
+        """The deck with the options and changed numbers, wherever the model begins."""
         return self.source.text(deck_changes(self.given), self.changed)
 
     def about(self, folder: Path) -> dict[str, Any]:
         """Return the head of ``run.json`` in ``folder``: all that the rows of the run depend on."""
-        parameters, deck = listed_parameters(self.text), self.source.path
+        parameters, deck = listed_parameters(self.given_text), self.source.path
         return {
             **versions(),
             "deck": {

@@ -84,13 +84,13 @@ class Attempts:
     def memory(self) -> np.ndarray:
         """For a snapshot, the rest (m,)."""
         rows = self.earlier.rows if self.earlier else []
-        return np.concatenate([np.zeros(0), *(table.ravel() for of in rows for table in of)])
+        return np.concatenate([np.zeros(0), *(table.ravel() for row in rows for table in row)])
 
     def restore(self, numbers: dict[str, Any], memory: np.ndarray) -> None:
         """Restore what ``numbers`` and ``memory`` returned; this is the end of a snapshot's."""
         self.made, self.local = list(numbers["made"]), numbers["local"]
         rows: list[Rows] = []
-        first = memory.size - sum(math.prod(shape) for of in numbers["shapes"] for shape in of)
+        first = memory.size - sum(math.prod(shape) for row in numbers["shapes"] for shape in row)
         for shapes in numbers["shapes"]:
             tables = []
             for shape in shapes:

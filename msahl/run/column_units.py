@@ -41,12 +41,12 @@ def _coordinate(name: str, word: str, unit: str) -> dict[str, Quantity]:
     """Return a coordinate, its rate and its acceleration."""
     words = (word, f"rate of {word}", f"acceleration of {word}")
     units = (unit, f"{unit}/s", f"{unit}/s^2")
-    of = zip(SUFFIXES, words, units, strict=True)
-    return {name + end: Quantity(each, per) for end, each, per in of}
+    triples = zip(SUFFIXES, words, units, strict=True)
+    return {name + end: Quantity(each, per) for end, each, per in triples}
 
 
 def _coordinates(names: Sequence[str], word: str, unit: str) -> dict[str, Quantity]:
-    return {key: of for name in names for key, of in _coordinate(name, word, unit).items()}
+    return {key: triple for name in names for key, triple in _coordinate(name, word, unit).items()}
 
 
 QUANTITIES = {

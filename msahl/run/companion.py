@@ -96,14 +96,14 @@ class HalfStepCompanion:
         # Mean reactions need a row for either half of a step.
         self.integrators = [
             SubsystemIntegrator(
-                _with_given_steps(of.model, settings),
-                of.solver,
+                _with_given_steps(integrator.model, settings),
+                integrator.solver,
                 settings.full,
                 2 * chunk,
                 settings.instantaneous,
-                storages=of.storages,
+                storages=integrator.storages,
             )
-            for of in integrators
+            for integrator in integrators
         ]
         self.factor = SAFETY / (1.0 - 0.5**settings.order)
 
@@ -116,16 +116,16 @@ class HalfStepCompanion:
     ) -> list[Rows] | None:
         """See ``Companion``."""
         halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
-        for integrator, own in zip(integrators, self.integrators, strict=True):
-            own.stepper.follow_degree(integrator.stepper)
-            if not _advance(own, np.repeat(0.5 * steps.sizes, 2), halves):
+        for integrator, companion_integrator in zip(integrators, self.integrators, strict=True):
+            companion_integrator.stepper.follow_degree(integrator.stepper)
+            if not _advance(companion_integrator, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
-                both = first_rows(own, 2 * len(times))
+                both = first_rows(companion_integrator, 2 * len(times))
                 mean = 0.5 * (both.reactions[::2] + both.reactions[1::2])
                 rows.append(Rows(both.states[1::2], mean))
             else:
-                rows.append(first_rows(own, len(times)))
+                rows.append(first_rows(companion_integrator, len(times)))
         return rows
 
 
@@ -145,13 +145,13 @@ class HigherOrderCompanion:
         self.name = f"{coarser.scheme}{coarser.degree} with {coarser.stride} times the step size"
         self.integrators = [
             SubsystemIntegrator(
-                _with_scheme(of.model, coarser),
-                of.solver,
+                _with_scheme(integrator.model, coarser),
+                integrator.solver,
                 settings.full,
                 chunk,
-                storages=of.storages,
+                storages=integrator.storages,
             )
-            for of in integrators
+            for integrator in integrators
         ]
 
     def follow(
@@ -167,10 +167,10 @@ class HigherOrderCompanion:
         ends = [steps.ends[min(k + self.stride, len(steps.ends)) - 1] for k in first]
         schedule = OutputSchedule.passed(times, steps.begin, np.array(ends))
         rows = []
-        for own in self.integrators:
-            if not _advance(own, np.array(groups), schedule):
+        for companion_integrator in self.integrators:
+            if not _advance(companion_integrator, np.array(groups), schedule):
                 return None
-            rows.append(first_rows(own, len(times)))
+            rows.append(first_rows(companion_integrator, len(times)))
         return rows
 
 
@@ -211,9 +211,9 @@ def choose_companion(
     seconds and longer than the run itself, unless it is ``required``.
     """
     degree = settings.degree
-    unknowns = sum(of.workspace.unknowns.free.size for of in integrators)
-    own = steps * unknowns * SECONDS_PER_UNKNOWN * DEGREE_COST[degree]
-    if required or settings.adaptive or 2.0 * own <= CHEAP:
+    unknowns = sum(integrator.workspace.unknowns.free.size for integrator in integrators)
+    seconds = steps * unknowns * SECONDS_PER_UNKNOWN * DEGREE_COST[degree]
+    if required or settings.adaptive or 2.0 * seconds <= CHEAP:
         return HalfStepCompanion(integrators, settings, chunk)
     coarser = COARSER.get((settings.family, degree))
     if coarser is None:

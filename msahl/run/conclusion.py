@@ -34,11 +34,13 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
 
 def _count_work(setup: RunSetup, report: Report) -> None:
     """Add up what the subsystems' solvers did."""
-    report.iterations = sum(int(of.workspace.counts[0]) for of in setup.integrators)
-    report.factorisations = sum(int(of.workspace.counts[1]) for of in setup.integrators)
-    report.scipy_steps = sum(of.stepper.scipy_steps for of in setup.integrators)
-    report.path_steps = sum(of.stepper.path_steps for of in setup.integrators)
-    report.subdivisions = sum(of.stepper.subdivisions for of in setup.integrators)
+    report.iterations = sum(int(integrator.workspace.counts[0]) for integrator in setup.integrators)
+    report.factorisations = sum(
+        int(integrator.workspace.counts[1]) for integrator in setup.integrators
+    )
+    report.scipy_steps = sum(integrator.stepper.scipy_steps for integrator in setup.integrators)
+    report.path_steps = sum(integrator.stepper.path_steps for integrator in setup.integrators)
+    report.subdivisions = sum(integrator.stepper.subdivisions for integrator in setup.integrators)
 
 
 def _add_extremes(setup: RunSetup, record: Record, report: Report) -> None:
@@ -64,7 +66,9 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
     if estimate and not settings.adaptive:
         displacement = min(h, report.time) * speed
         displacement -= record.length * (extremes["rotationPerStepMax"] or 0.0)
-        friction = [unresolved_friction(of, h, report.time) for of in setup.integrators]
+        friction = [
+            unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
+        ]
         estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
     if settings.error == OFF:
         report.extremes |= {"localErrorMax": None, "localErrorSum": None}

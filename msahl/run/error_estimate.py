@@ -87,18 +87,18 @@ class ErrorEstimate:
         settings: RunSettings,
     ) -> None:
         self.companion, self.accuracy = companion, settings.accuracy
-        self.lengths = [of.workspace.system.frames.length[:-1] for of in integrators]
-        self.columns = [_reaction_kinds(of.model) for of in integrators]
+        self.lengths = [one.workspace.system.frames.length[:-1] for one in integrators]
+        self.columns = [_reaction_kinds(one.model) for one in integrators]
         # Mean reactions have no counterpart in a scheme of higher order.
         self.compares_reactions = (
             not isinstance(companion, HigherOrderCompanion) or settings.instantaneous
         )
         self.largest = dict.fromkeys(FIGURES, 0.0)
         self.record: list[tuple[float, float]] = []  # time before a larger error, and that error
-        self.speeds = [np.zeros((2, len(of))) for of in self.lengths]  # highest so far
+        self.speeds = [np.zeros((2, len(one))) for one in self.lengths]  # highest so far
         self.until, self.stopped = 0.0, False
         if not isinstance(companion, EarlierRun) and not settings.adaptive:
-            unseen = unseen_motion(model, max(float(of.max()) for of in self.lengths))
+            unseen = unseen_motion(model, max(float(one.max()) for one in self.lengths))
             self.largest["position"] = SAFETY * unseen
         self.kept: list[list[Rows]] | None = None  # chunks of rows of all subsystems
         for integrator in companion.integrators:
@@ -106,13 +106,13 @@ class ErrorEstimate:
 
     def begin(self, integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
         """Compare the rows at t = 0; returns the row that ``follow`` returns."""
-        own, other = (
-            [first_rows(of, 1) for of in group]
+        first, other = (
+            [first_rows(integrator, 1) for integrator in group]
             for group in (integrators, self.companion.integrators)
         )
         if isinstance(self.companion, EarlierRun):
             other = self.companion.next_rows(1)
-        return self.compare(own, other, np.zeros(1), np.zeros(1))
+        return self.compare(first, other, np.zeros(1), np.zeros(1))
 
     def keep_rows(self) -> None:
         """Keep the companion's rows from now on, for an ``EarlierRun``."""
@@ -135,7 +135,7 @@ class ErrorEstimate:
         if others is None or not all(np.isfinite(rows.states).all() for rows in others):
             self.stopped = True
             return NO_ERRORS
-        own = [first_rows(of, len(times)) for of in integrators]
+        own = [first_rows(integrator, len(times)) for integrator in integrators]
         return self.compare(own, others, times, np.repeat(steps.sizes, np.diff(schedule.due)))
 
     def compare(
@@ -145,7 +145,7 @@ class ErrorEstimate:
         if not len(times):
             return NO_ERRORS
         if self.kept is not None:
-            self.kept.append([Rows(of.states.copy(), of.reactions.copy()) for of in others])
+            self.kept.append([Rows(rows.states.copy(), rows.reactions.copy()) for rows in others])
         found = dict.fromkeys(FIGURES, np.zeros(len(times)))
         for k, (mine, other) in enumerate(zip(own, others, strict=True)):
             errors = self._state_errors(k, mine.states, other.states, h)
@@ -207,14 +207,18 @@ class ErrorEstimate:
             self.record.append((float(before[k]), last))
         self.until = float(times[-1])
 
-    def add_damped(self, lost: float, size: float, kinetic: float, displacement: float) -> None:
-        """Add the error behind the energy ``lost`` [J] by damping. The run's energies have this
+    def add_damped(
+        self, dissipated: float, size: float, kinetic: float, displacement: float
+    ) -> None:
+        """Add the error behind the energy ``dissipated`` [J] by damping. The energies have this
         ``size`` [J], its largest kinetic energy is ``kinetic`` [J], and no body moves farther than
         ``displacement`` [m] in a step.
         """
-        of_companion = -sum(float(of.workspace.state.work[-1]) for of in self.companion.integrators)
-        hidden = 2.0 * of_companion - lost
-        counts = of_companion > LOST_ALIKE * lost and hidden > ENERGY_ROUND_OFF * size
+        of_companion = -sum(
+            float(integrator.workspace.state.work[-1]) for integrator in self.companion.integrators
+        )
+        hidden = 2.0 * of_companion - dissipated
+        counts = of_companion > LOST_ALIKE * dissipated and hidden > ENERGY_ROUND_OFF * size
         if isinstance(self.companion, HalfStepCompanion) and kinetic > 0.0 and counts:
             amplitude = 0.5 * displacement * (hidden / kinetic) ** 0.5
             self.largest["position"] = max(self.largest["position"], amplitude)
@@ -233,7 +237,9 @@ class ErrorEstimate:
         """The companion's rows of the complete run, which were kept."""
         assert self.kept is not None
         subsystems = zip(*self.kept, strict=True)
-        return EarlierRun([Rows(*map(np.concatenate, zip(*of, strict=True))) for of in subsystems])
+        return EarlierRun(
+            [Rows(*map(np.concatenate, zip(*parts, strict=True))) for parts in subsystems]
+        )
 
     @property
     def error(self) -> float:
@@ -254,7 +260,7 @@ class ErrorEstimate:
         return {
             "largest": dict(self.largest),
             "record": list(self.record),
-            "speeds": [of.tolist() for of in self.speeds],
+            "speeds": [speeds.tolist() for speeds in self.speeds],
             "until": self.until,
             "stopped": self.stopped,
         }
@@ -263,7 +269,7 @@ class ErrorEstimate:
         """Restore what ``numbers`` returned."""
         self.largest, self.stopped = dict(numbers["largest"]), numbers["stopped"]
         self.record = [(time, error) for time, error in numbers["record"]]
-        self.speeds = [np.array(of) for of in numbers["speeds"]]
+        self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
         self.until = numbers["until"]
         self.kept = None  # the rows before are missing
 

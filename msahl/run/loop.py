@@ -83,7 +83,7 @@ def run(
     A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
     ``save`` that raises OSError end the run, and the report says so. Raises ``StartError`` if there
     is no consistent start, or if the model should begin at an equilibrium, which is found before
-    (``analysis.begin``); ``ResumeError`` for a snapshot of another system.
+    (``analysis.equilibria.begin``); ``ResumeError`` for a snapshot of another system.
     """
     if not checked:
         require_sound(model)

@@ -30,10 +30,10 @@ class MarkerTable:
         self.axes = np.array([marker.axes for marker in markers]).reshape(-1, 3, 3)
         number = {marker.name: i for i, marker in enumerate(markers)}
         self.sensors = [
-            (number[of.start], number[of.end])
-            if isinstance(of, MarkerDistance)
-            else (number[of.start], number[of.vertex], number[of.end])
-            for of in model.sensors
+            (number[sensor.start], number[sensor.end])
+            if isinstance(sensor, MarkerDistance)
+            else (number[sensor.start], number[sensor.vertex], number[sensor.end])
+            for sensor in model.sensors
         ]
 
     def rows(self, tables: TablesOfSteppers) -> np.ndarray:
@@ -42,7 +42,7 @@ class MarkerTable:
         motion = point_motion(of_bodies(bodies, self.carrier), self.s)
         m = len(motion.x)
         found = [tables["states"][:, :1], self._markers(bodies, motion).reshape(m, -1)]
-        found += [_sensor(motion, of) for of in self.sensors]
+        found += [_sensor(motion, sensor) for sensor in self.sensors]
         return np.concatenate(found, axis=1)
 
     def _markers(self, bodies: Motion, motion: Motion) -> np.ndarray:

@@ -85,14 +85,14 @@ OPTIONS = (
         "dt",
         Number("S"),
         "Set the step size in seconds (default: deltaT of the deck).",
-        lambda of: of.dt,
+        lambda settings: settings.dt,
         deck="deltaT",
     ),
     Option(
         "t_final",
         Number("S"),
         "Set the end of the run in seconds (default: tFinal of the deck).",
-        lambda of: of.t_final,
+        lambda settings: settings.t_final,
         deck="tFinal",
     ),
     Option(
@@ -104,7 +104,7 @@ OPTIONS = (
         "have the orders 1, 3 and 5 and take energy from fast vibrations. 'auto' chooses the "
         "degree of gauss and the step size by the tolerance (default: the deck's, else "
         "preserving).",
-        lambda of: of.scheme,
+        lambda settings: settings.scheme,
         deck="scheme",
     ),
     Option(
@@ -112,7 +112,7 @@ OPTIONS = (
         Number("D", 0.0, 1.0),
         "Set the damping of 'decaying', from 0 (none) to 1 (removes the fastest vibrations in one "
         f"step; default: the deck's, else {DAMPING:g}).",
-        lambda of: of.damping,
+        lambda settings: settings.damping,
         deck="damping",
     ),
     Option(
@@ -121,7 +121,9 @@ OPTIONS = (
         "Choose how the schemes of order 2 rotate a body in a step: by the Cayley transform, which "
         "conserves the angular momentum of joined bodies to round-off, or by the exponential map, "
         "which is more accurate for fast rotations (default: the deck's, else cayley).",
-        lambda of: None if of.degree else EXPONENTIAL if of.exponential else CAYLEY,
+        lambda settings: (
+            None if settings.degree else EXPONENTIAL if settings.exponential else CAYLEY
+        ),
         deck="rotationUpdate",
     ),
     Option(
@@ -130,7 +132,7 @@ OPTIONS = (
         "Choose the solver of a step: 'newton' is compiled, 'root' is scipy.optimize.root, and "
         "'auto' is newton, with root for the first step, and continuation or root for every step "
         "that newton fails on (default: auto).",
-        lambda of: of.solver,
+        lambda settings: settings.solver,
         default="auto",
     ),
     Option(
@@ -139,7 +141,7 @@ OPTIONS = (
         "Choose the step size of gauss, radau or auto so that the estimated global error of the "
         "positions at the output times is at most TOL metres (default: the deck's; of auto, else "
         f"{TOLERANCE:g}).",
-        lambda of: of.tolerance,
+        lambda settings: settings.tolerance,
         deck="tolerance",
     ),
     Option(
@@ -147,7 +149,7 @@ OPTIONS = (
         Number("TOL"),
         "Choose the step size so that the local errors of the steps add up to at most TOL metres; "
         "how the motion amplifies them is not considered (default: the deck's).",
-        lambda of: of.local_tolerance if of.tolerance is None else None,
+        lambda settings: settings.local_tolerance if settings.tolerance is None else None,
         deck="localTolerance",
     ),
     Option(
@@ -155,14 +157,14 @@ OPTIONS = (
         Number("S"),
         "Set the time between output times in seconds. gauss, radau and auto take any interval, "
         "the other schemes a whole number of steps (default: the deck's, else the step size).",
-        lambda of: of.output_interval,
+        lambda settings: settings.output_interval,
         deck="outputInterval",
     ),
     Option(
         "every",
         Integer(1, MOST_EVERY),
         "Write only every Nth output time, and the last one (default: 1).",
-        lambda of: of.every,
+        lambda settings: settings.every,
         default=1,
     ),
     Option(
@@ -171,7 +173,7 @@ OPTIONS = (
         "Choose the reactions in the tables: 'mean' over the step before each output time, or "
         "'instantaneous' at the output time (default: the deck's, else mean; gauss and radau: "
         "instantaneous).",
-        lambda of: of.reactions,
+        lambda settings: settings.reactions,
         deck="reactions",
     ),
     Option(
@@ -179,7 +181,7 @@ OPTIONS = (
         Choice(ACCELERATIONS),
         "Write the accelerations of all bodies, and of the coordinates of joints, at the output "
         "times: 'yes' or 'no' (default: the deck's, else no).",
-        lambda of: of.accelerations,
+        lambda settings: settings.accelerations,
         deck="accelerations",
     ),
     Option(
@@ -188,7 +190,7 @@ OPTIONS = (
         "Write joints.csv, the coordinates of joints and their rates: 'yes', 'no', or 'auto', if "
         f"a joint has an angle or a slide and there are at most {MOST_JOINTS} joints (default: the "
         "deck's, else auto).",
-        lambda of: of.joint_table,
+        lambda settings: settings.joint_table,
         deck="jointTable",
     ),
     Option(
@@ -197,20 +199,20 @@ OPTIONS = (
         "Choose the error estimate: 'estimate' the global error by a more accurate companion run, "
         "add up the 'local' errors of the steps, or 'off' (default: estimate, unless it takes more "
         "than one second and longer than the run).",
-        lambda of: of.error,
+        lambda settings: settings.error,
     ),
     Option(
         "accuracy",
         Number("TOL", 0.0, positive=True),
         "Set the largest position error in metres that passes, and report up to which time the run "
         "has it (default: the deck's, else 1 % of the model's size).",
-        lambda of: of.accuracy,
+        lambda settings: settings.accuracy,
     ),
     Option(
         "full",
         Flag(),
         "Switch off the model reductions that 'msahl explain' lists.",
-        lambda of: of.full,
+        lambda settings: settings.full,
         default=False,
     ),
 )

@@ -17,20 +17,27 @@ class Record:
 
     def __init__(self, integrators: Sequence[SubsystemIntegrator], t_final: float) -> None:
         self.integrators = integrators
-        first = [of.workspace.monitor.rows[:1, :STOP] for of in integrators]
-        self.extremes = Extremes(first, sum(_energy_scale(of, t_final) for of in integrators))
+        first = [integrator.workspace.monitor.rows[:1, :STOP] for integrator in integrators]
+        self.extremes = Extremes(
+            first, sum(_energy_scale(integrator, t_final) for integrator in integrators)
+        )
         self.extremes.raise_scale(sum(map(_work_of_reactions, integrators)))
-        self.momenta = [_momentum(of) for of in integrators]  # at t = 0
+        self.momenta = [_momentum(integrator) for integrator in integrators]  # at t = 0
 
     def add(self, steps: int) -> None:
         """Add the first ``steps`` steps of the present chunk."""
-        self.extremes.add([of.workspace.monitor.rows[:steps, :STOP] for of in self.integrators])
+        self.extremes.add(
+            [integrator.workspace.monitor.rows[:steps, :STOP] for integrator in self.integrators]
+        )
         self.extremes.raise_scale(sum(map(_work_of_reactions, self.integrators)))
 
     @property
     def length(self) -> float:
         """Length of the longest body [m]."""
-        return max(float(of.workspace.system.frames.length[:-1].max()) for of in self.integrators)
+        return max(
+            float(integrator.workspace.system.frames.length[:-1].max())
+            for integrator in self.integrators
+        )
 
     @property
     def size(self) -> float:
@@ -40,7 +47,7 @@ class Record:
     @property
     def energy_taken(self) -> float:
         """Energy that a dissipative scheme has taken [J]."""
-        return -sum(float(of.workspace.state.work[-1]) for of in self.integrators)
+        return -sum(float(integrator.workspace.state.work[-1]) for integrator in self.integrators)
 
     @property
     def pivot_ratio(self) -> float | None:
@@ -48,16 +55,20 @@ class Record:
         was factored, or if redundant joints make it large by themselves.
         """
         ratios = [
-            float(of.workspace.pivots[0])
-            for of in self.integrators
-            if of.workspace.system.relaxation == 0.0
+            float(integrator.workspace.pivots[0])
+            for integrator in self.integrators
+            if integrator.workspace.system.relaxation == 0.0
         ]
         return max(ratios, default=0.0) or None
 
     @property
     def velocity_change(self) -> float:
         """Constraint violation [m/s] of the deck's initial velocities."""
-        rates = (of.change.rate for of in self.integrators if of.change.method != "none")
+        rates = (
+            integrator.change.rate
+            for integrator in self.integrators
+            if integrator.change.method != "none"
+        )
         return max(rates, default=0.0)
 
     def momentum_lost(self, settings: RunSettings) -> tuple[float | None, float | None]:
@@ -65,13 +76,15 @@ class Record:
         nothing acts from outside; None if there are none. Dissipative schemes and the exponential
         map do not conserve the angular momentum.
         """
-        lost = [
-            drift(of.workspace.system, before, now, float(of.workspace.state.time[0]))
-            for of, before in zip(self.integrators, self.momenta, strict=True)
-            if before is not None and (now := _momentum(of)) is not None
+        changes = [
+            drift(
+                integrator.workspace.system, before, now, float(integrator.workspace.state.time[0])
+            )
+            for integrator, before in zip(self.integrators, self.momenta, strict=True)
+            if before is not None and (now := _momentum(integrator)) is not None
         ]
-        linear = max((part for part, _ in lost), default=None)
-        angular = max((part for _, part in lost), default=None)
+        linear = max((part for part, _ in changes), default=None)
+        angular = max((part for _, part in changes), default=None)
         conserves = not settings.dissipative and not settings.exponential
         return linear, angular if conserves else None
 

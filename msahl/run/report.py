@@ -56,7 +56,7 @@ class Report:
 @cache
 def _names() -> tuple[tuple[str, str], ...]:
     """Return the fields of a report, and their names in ``run.json``."""
-    return tuple((of.name, camel_case(of.name)) for of in fields(Report))
+    return tuple((field.name, camel_case(field.name)) for field in fields(Report))
 
 
 def _copied(value: Any) -> Any:

@@ -23,7 +23,7 @@ def take_snapshot(system: str, setup: RunSetup, record: Record, report: Report) 
         "resumed": report.resumed,
         "seconds": dict(report.seconds),
         "extremes": record.extremes.numbers(),
-        "subsystems": [counters(of) for of in setup.all_integrators],
+        "subsystems": [counters(integrator) for integrator in setup.all_integrators],
         "error": setup.estimate and setup.estimate.numbers(),
         "attempts": setup.attempts and setup.attempts.numbers(),
         "observed": setup.observed.numbers(),

@@ -56,7 +56,7 @@ class RunSetup:
     @property
     def calls(self) -> list[Call]:
         """The compiled functions that the run calls."""
-        return [call for of in self.all_integrators for call in of.stepper.calls]
+        return [call for integrator in self.all_integrators for call in integrator.stepper.calls]
 
 
 def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) -> RunSetup:
@@ -123,8 +123,8 @@ def new_report(setup: RunSetup) -> Report:
     return Report(
         joints=len(model.joints) + len(model.couplings),
         subsystems=len(integrators),
-        planar_subsystems=sum(of.axis is not None for of in integrators),
-        unknowns=sum(of.workspace.unknowns.free.size for of in integrators),
+        planar_subsystems=sum(integrator.axis is not None for integrator in integrators),
+        unknowns=sum(integrator.workspace.unknowns.free.size for integrator in integrators),
         degrees_of_freedom=_degrees_of_freedom(model, integrators),
         warnings=start_warnings(integrators),
         seconds=dict.fromkeys(("prepare", "loop", "output", "checkpoints"), 0.0),
@@ -134,5 +134,8 @@ def new_report(setup: RunSetup) -> Report:
 def _degrees_of_freedom(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
     """Degrees of freedom by count (Hainge 2010, eq. 1.1) and by rank of the joints' equations."""
     n = 6 * len(model.bodies)
-    rank = sum(of.rank for of in integrators)
-    return {"byCount": n - rank - sum(of.redundant for of in integrators), "byRank": n - rank}
+    rank = sum(integrator.rank for integrator in integrators)
+    return {
+        "byCount": n - rank - sum(integrator.redundant for integrator in integrators),
+        "byRank": n - rank,
+    }

@@ -42,12 +42,14 @@ class SavedSteps:
     @classmethod
     def of(cls, integrators: Sequence[SubsystemIntegrator]) -> "SavedSteps":
         """The present state of the ``integrators``."""
-        return cls(copy_memory(integrators), [of.stepper.counters for of in integrators])
+        return cls(
+            copy_memory(integrators), [integrator.stepper.counters for integrator in integrators]
+        )
 
     def update(self, integrators: Sequence[SubsystemIntegrator]) -> None:
         """Replace it by the present state of the same ``integrators``."""
         self.memory = copy_memory(integrators, self.memory)
-        self.counters = [of.stepper.counters for of in integrators]
+        self.counters = [integrator.stepper.counters for integrator in integrators]
 
     def restore(self, integrators: Sequence[SubsystemIntegrator]) -> None:
         """Bring the same ``integrators`` back; the work counted since then stays counted."""

@@ -31,7 +31,6 @@ from msahl.system.arrays import (
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
-from msahl.system.desk import jacobian_at_rest, new_desk
 from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
@@ -44,6 +43,7 @@ from msahl.system.reductions import (
 )
 from msahl.system.state import build_state
 from msahl.system.unknowns import choose
+from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
 
 
 class SubsystemIntegrator:
@@ -100,24 +100,28 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
-        desk = new_desk(system, state, self.storage if self.size < LARGE else None)
-        at_rest: np.ndarray | None = jacobian_at_rest(system, state, desk)
+        work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)
+        at_rest: np.ndarray | None = jacobian_at_rest(system, state, work_arrays)
         self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        if _prepare(system, state, desk.start, desk.call):
+        if _prepare(system, state, work_arrays.start, work_arrays.call):
             at_rest = None  # that of other angles
-        start = desk.start
+        start = work_arrays.start
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
-        self.change = make_consistent(system, state, free, model.velocity, desk)
+        self.change = make_consistent(system, state, free, model.velocity, work_arrays)
         if self.redundant and not is_regular(system, state, unknowns, at_rest):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))
-            unknowns, at_rest, desk = choose(system, free), None, new_desk(system, state)
-        solve_accelerations(system, state, unknowns, at_rest, desk)
+            unknowns, at_rest, work_arrays = (
+                choose(system, free),
+                None,
+                new_work_arrays(system, state),
+            )
+        solve_accelerations(system, state, unknowns, at_rest, work_arrays)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
@@ -125,7 +129,9 @@ class SubsystemIntegrator:
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
         name = ("workspace", self.axis, id(unknowns))
         self.workspace: Workspace = self.storage.place(name, fresh)
-        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, desk.call)
+        _prepare(
+            self.workspace.system, self.workspace.state, self.workspace.start, work_arrays.call
+        )
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""

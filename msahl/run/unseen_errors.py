@@ -40,8 +40,10 @@ def unseen_motion(model: Model, length: float) -> float:
     worst = 0.0
     for k, motion in enumerate(motions):
         met, between = (
-            np.array([[evaluate(laws, k, t + tau * simulation.dt)[0] for tau in of] for t in steps])
-            for of in (MET, BETWEEN)
+            np.array(
+                [[evaluate(laws, k, t + tau * simulation.dt)[0] for tau in places] for t in steps]
+            )
+            for places in (MET, BETWEEN)
         )
         deviation = np.abs(between - met @ PARABOLA).max(axis=1)
         change = np.ptp(np.hstack([met, between]), axis=1)

@@ -143,61 +143,63 @@ def grade(value: float, limit: float, fail: float) -> str:
     return WARN if value <= max(limit, fail) else FAIL
 
 
-def _limits_of(limit: float | None, own: float, fail: float) -> tuple[float, float]:
+def _limits_of(limit: float | None, default: float, fail: float) -> tuple[float, float]:
     """Where a figure begins to warn and to fail: by the deck, or else by the limits above."""
-    return (own, fail) if limit is None else (limit, WARN_FACTOR * limit)
+    return (default, fail) if limit is None else (limit, WARN_FACTOR * limit)
 
 
-def _completion(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _completion(figures: Figures, limits: Limits) -> Iterator[Finding]:
     words = {"completed": PASS, "interrupted": WARN}
-    ended = "" if of.status == "completed" else f"{of.status} after "
-    text = f"{ended}{of.steps} steps to t = {of.time:g} s"
-    yield Finding("completion", words.get(of.status, FAIL), text)
+    ended = "" if figures.status == "completed" else f"{figures.status} after "
+    text = f"{ended}{figures.steps} steps to t = {figures.time:g} s"
+    yield Finding("completion", words.get(figures.status, FAIL), text)
 
 
-def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
-    error, kinetic = of.extreme("energyErrorMax"), of.extreme("largestKineticEnergy")
-    floor = ROUND_OFF * of.energy_size
-    if of.extremes["energyErrorMaxRelative"] is None:
+def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    error, kinetic = figures.extreme("energyErrorMax"), figures.extreme("largestKineticEnergy")
+    floor = ROUND_OFF * figures.energy_size
+    if figures.extremes["energyErrorMaxRelative"] is None:
         word = grade(error, floor, floor)
         yield Finding("energy", word, f"nothing moves, and the energy error is {error:.1e} J")
         return
     # A position error of this size makes a relative energy error of the same size.
-    own = max(ENERGY, WARN_FACTOR * (of.tolerance or of.local_tolerance or 0.0) / of.length)
-    limit, fail = _limits_of(limits.energy, own, max(ENERGY_FAIL, own))
+    default = max(
+        ENERGY, WARN_FACTOR * (figures.tolerance or figures.local_tolerance or 0.0) / figures.length
+    )
+    limit, fail = _limits_of(limits.energy, default, max(ENERGY_FAIL, default))
     word = grade(error, max(limit * kinetic, floor), fail * kinetic)
     conserved = "conserved" if word == PASS else "conserved only"
-    epsilons = error / (float_info.epsilon * of.energy_size)
+    epsilons = error / (float_info.epsilon * figures.energy_size)
     text = f"energy {conserved} to {error / kinetic:.1e} of the largest kinetic energy"
-    taken = of.extremes.get("energyTaken")
+    taken = figures.extremes.get("energyTaken")
     more = f"; the scheme took {taken / kinetic:.1e} of it" if taken else ""
     yield Finding("energy", word, f"{text} ({epsilons:.0f} machine epsilons){more}")
 
 
-def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:
-    for kind, lost in zip(("linear", "angular"), of.momentum, strict=True):
-        if lost is not None:
-            word = grade(lost, MOMENTUM, MOMENTUM_FAIL)
-            text = f"{kind} momentum conserved to {lost:.1e} of its size"
+def _momentum(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    for kind, change in zip(("linear", "angular"), figures.momentum, strict=True):
+        if change is not None:
+            word = grade(change, MOMENTUM, MOMENTUM_FAIL)
+            text = f"{kind} momentum conserved to {change:.1e} of its size"
             yield Finding(f"{kind}Momentum", word, text)
 
 
-def _violation(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if not of.joints:
+def _violation(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    if not figures.joints:
         return
-    violation = of.extreme("constraintViolationMax")
-    floor = ROUND_OFF * of.extreme("distanceMax")
-    own, fail = VIOLATION * of.length, VIOLATION_FAIL * of.length
-    limit, fail = _limits_of(limits.violation, own, fail)
+    violation = figures.extreme("constraintViolationMax")
+    floor = ROUND_OFF * figures.extreme("distanceMax")
+    default, fail = VIOLATION * figures.length, VIOLATION_FAIL * figures.length
+    limit, fail = _limits_of(limits.violation, default, fail)
     word = grade(violation, max(limit, floor), fail)
     yield Finding("constraintViolation", word, f"constraint violation at most {violation:.1e} m")
 
 
-def _violation_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if not of.joints:
+def _violation_rate(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    if not figures.joints:
         return
-    rate, speed = of.extreme("constraintViolationRateMax"), of.extreme("speedMax")
-    floor = ROUND_OFF * of.extreme("distanceMax") / of.dt
+    rate, speed = figures.extreme("constraintViolationRateMax"), figures.extreme("speedMax")
+    floor = ROUND_OFF * figures.extreme("distanceMax") / figures.dt
     word = PASS if rate <= max(VIOLATION_RATE * speed, floor) else WARN
     part = f", {rate / speed:.1e} of the highest speed" if speed else ""
     advice = "" if word == PASS else ": the step size is too large for this motion; reduce --dt"
@@ -205,24 +207,24 @@ def _violation_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
     yield Finding("constraintViolationRate", word, text)
 
 
-def _constraint_work(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if not of.joints:
+def _constraint_work(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    if not figures.joints:
         return
-    work, kinetic = of.extreme("constraintWorkMax"), of.extreme("largestKineticEnergy")
-    word = PASS if work <= max(CONSTRAINT_WORK * kinetic, ROUND_OFF * of.energy_size) else WARN
+    work, kinetic = figures.extreme("constraintWorkMax"), figures.extreme("largestKineticEnergy")
+    word = PASS if work <= max(CONSTRAINT_WORK * kinetic, ROUND_OFF * figures.energy_size) else WARN
     text = f"work of the reactions in the constraint violations at most {work:.1e} J per step"
     yield Finding("constraintWork", word, text)
 
 
-def _solver(of: Figures, limits: Limits) -> Iterator[Finding]:
-    text = f"{of.iterations / max(of.steps, 1):.1f} iterations per step"
-    if of.scipy_steps:
-        text += f", {of.scipy_steps} steps by scipy"
+def _solver(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    text = f"{figures.iterations / max(figures.steps, 1):.1f} iterations per step"
+    if figures.scipy_steps:
+        text += f", {figures.scipy_steps} steps by scipy"
     hard = []
-    if of.path_steps:
-        hard.append(f"{of.path_steps} steps were solved by continuation from shorter ones")
-    if of.subdivisions:
-        hard.append(f"steps were subdivided {of.subdivisions} times")
+    if figures.path_steps:
+        hard.append(f"{figures.path_steps} steps were solved by continuation from shorter ones")
+    if figures.subdivisions:
+        hard.append(f"steps were subdivided {figures.subdivisions} times")
     if hard:
         text += (
             f"; {', '.join(hard)}: a motion is too fast for the step size; look at the results "
@@ -231,22 +233,22 @@ def _solver(of: Figures, limits: Limits) -> Iterator[Finding]:
     yield Finding("solver", WARN if hard else PASS, text)
 
 
-def _pivot_ratio(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if of.pivot_ratio is not None:
-        word = PASS if of.pivot_ratio <= PIVOT_RATIO else WARN
+def _pivot_ratio(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    if figures.pivot_ratio is not None:
+        word = PASS if figures.pivot_ratio <= PIVOT_RATIO else WARN
         advice = (
             ""
             if word == PASS
             else ": the model is near a singular position, or its masses or lengths differ too much"
         )
-        text = f"pivot ratio of the Jacobian at most {of.pivot_ratio:.1e}{advice}"
+        text = f"pivot ratio of the Jacobian at most {figures.pivot_ratio:.1e}{advice}"
         yield Finding("pivotRatio", word, text)
 
 
-def _reactions(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if of.non_unique_reactions:
-        named = dict(list(of.non_unique_reactions.items())[:MOST_NAMED])
-        more = len(of.non_unique_reactions) - len(named)
+def _reactions(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    if figures.non_unique_reactions:
+        named = dict(list(figures.non_unique_reactions.items())[:MOST_NAMED])
+        more = len(figures.non_unique_reactions) - len(named)
         text = (
             "joints are redundant: motion and energy are unique, but these reactions are not: "
             f"{describe_reactions(named)}{f'; and those of {more} more' if more else ''}"
@@ -259,33 +261,37 @@ def describe_reactions(reactions: dict[str, list[str]]) -> str:
     return "; ".join(f"{name}: {', '.join(columns)}" for name, columns in reactions.items())
 
 
-def _initial_velocities(of: Figures, limits: Limits) -> Iterator[Finding]:
-    speed = max(of.extreme("speedMax"), of.velocity_change)
-    if of.velocity_change > CHANGED * speed:
+def _initial_velocities(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    speed = max(figures.extreme("speedMax"), figures.velocity_change)
+    if figures.velocity_change > CHANGED * speed:
         text = (
             "the deck's initial velocities violate the joints' constraints by "
-            f"{of.velocity_change:.1e} m/s; see the warnings"
+            f"{figures.velocity_change:.1e} m/s; see the warnings"
         )
         yield Finding("initialVelocities", WARN, text)
 
 
-def _accuracy(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _accuracy(figures: Figures, limits: Limits) -> Iterator[Finding]:
     """The global error if it was estimated, else the sum of the local errors."""
-    yield _global_error(of, of.error) if of.error is not None else _local_errors(of)
+    yield (
+        _global_error(figures, figures.error)
+        if figures.error is not None
+        else _local_errors(figures)
+    )
 
 
-def _global_error(of: Figures, error: dict[str, Any]) -> Finding:
+def _global_error(figures: Figures, error: dict[str, Any]) -> Finding:
     position, orientation = float(error["position"]), float(error["orientation"])
     largest = max(position, orientation)
     text = f"estimated position error at most {position:.1e} m"
     if orientation > position:
         text += f", orientation error at most {orientation:.1e} m (angle times body length)"
-    limit, fail = ERROR * of.size, ERROR_FAIL * of.size
+    limit, fail = ERROR * figures.size, ERROR_FAIL * figures.size
     if error.get("accuracy") is not None:
         limit = float(error["accuracy"])
         fail = min(fail, WARN_FACTOR * limit) if fail > limit else WARN_FACTOR * limit
-    if of.tolerance is not None and largest > of.tolerance:
-        return Finding("accuracy", WARN, _too_sensitive(of, of.tolerance, text))
+    if figures.tolerance is not None and largest > figures.tolerance:
+        return Finding("accuracy", WARN, _too_sensitive(figures, figures.tolerance, text))
     word = grade(largest, limit, fail)
     if not error["complete"]:
         word = max(word, WARN, key=WORDS.index)
@@ -294,70 +300,75 @@ def _global_error(of: Figures, error: dict[str, Any]) -> Finding:
             "not converge"
         )
     if word != PASS:
-        text += _advice(of, largest, limit)
+        text += _advice(figures, largest, limit)
     return Finding("accuracy", word, text)
 
 
-def _too_sensitive(of: Figures, tolerance: float, text: str) -> str:
-    until = of.horizon(tolerance) if of.horizon else 0.0
+def _too_sensitive(figures: Figures, tolerance: float, text: str) -> str:
+    until = figures.horizon(tolerance) if figures.horizon else 0.0
     return (
         f"{text}: the motion amplifies round-off, and the tolerance of {tolerance:g} m is met up "
         f"to t = {until:g} s"
     )
 
 
-def _advice(of: Figures, error: float, limit: float) -> str:
+def _advice(figures: Figures, error: float, limit: float) -> str:
     """Up to when the run is accurate enough, and what to try."""
-    good = f"; within {limit:.1e} m up to t = {of.horizon(limit):g} s" if of.horizon else ""
-    if of.tolerance is not None or of.local_tolerance is not None:
+    good = (
+        f"; within {limit:.1e} m up to t = {figures.horizon(limit):g} s" if figures.horizon else ""
+    )
+    if figures.tolerance is not None or figures.local_tolerance is not None:
         return good
-    enough = of.dt * (0.5 * limit / error) ** (1.0 / of.order)
-    rotation = of.extreme("rotationPerStepMax")
+    enough = figures.dt * (0.5 * limit / error) ** (1.0 / figures.order)
+    rotation = figures.extreme("rotationPerStepMax")
     exponential = (
         f" (bodies rotate {rotation:.2g} rad per step), --rotation-update exponential"
-        if of.by_cayley and rotation > LARGE_ROTATION
+        if figures.by_cayley and rotation > LARGE_ROTATION
         else ""
     )
     return f"{good}; try --dt {enough:.1g}{exponential} or --scheme auto --tolerance {limit:.0e}"
 
 
-def _unresolved(of: Figures) -> str:
+def _unresolved(figures: Figures) -> str:
     """The sign, in a run of higher order, of motions that its steps do not resolve; empty if there
     is none.
     """
-    taken, kinetic = of.extremes.get("energyTaken") or 0.0, of.extreme("largestKineticEnergy")
+    taken, kinetic = (
+        figures.extremes.get("energyTaken") or 0.0,
+        figures.extreme("largestKineticEnergy"),
+    )
     if kinetic and taken > TAKEN * kinetic:
         return f"the scheme took {taken / kinetic:.1e} of the largest kinetic energy"
     # At least that of the fastest mass centre, as the highest speed includes rotations.
-    displacement = min(of.dt, of.time) * of.extreme("speedMax")
-    displacement -= of.length * of.extreme("rotationPerStepMax")
-    if displacement > OSCILLATING * of.extreme("displacementMax"):
+    displacement = min(figures.dt, figures.time) * figures.extreme("speedMax")
+    displacement -= figures.length * figures.extreme("rotationPerStepMax")
+    if displacement > OSCILLATING * figures.extreme("displacementMax"):
         return (
             f"a body's velocity moves it by {displacement:.1e} m per step, but at no step's end is "
-            f"it more than {of.extreme('displacementMax'):.1e} m from where it was at t = 0"
+            f"it more than {figures.extreme('displacementMax'):.1e} m from where it was at t = 0"
         )
     return ""
 
 
-def _local_errors(of: Figures) -> Finding:
+def _local_errors(figures: Figures) -> Finding:
     """The sum of the local errors; it never makes a run PASS."""
-    if of.extremes["localErrorSum"] is None:
-        sign = _unresolved(of) if of.local_tolerance is None else ""
+    if figures.extremes["localErrorSum"] is None:
+        sign = _unresolved(figures) if figures.local_tolerance is None else ""
         if sign:
             text = f"the step size is too large for a fast motion: {sign}; reduce --dt"
             return Finding("accuracy", WARN, text)
         return Finding("accuracy", DONE, "error not estimated (use --error estimate)")
-    total = of.extreme("localErrorSum")
+    total = figures.extreme("localErrorSum")
     text = f"sum of local position errors {total:.1e} m; global error not estimated"
-    tolerance = of.local_tolerance
+    tolerance = figures.local_tolerance
     if tolerance is not None:
         word = DONE if total <= tolerance else WARN
         return Finding("accuracy", word, f"{text} (local tolerance: {tolerance:g} m)")
-    if total <= ERROR * of.size:
+    if total <= ERROR * figures.size:
         return Finding("accuracy", DONE, text)
-    enough = of.dt * (ERROR * of.size / total) ** 0.5
+    enough = figures.dt * (ERROR * figures.size / total) ** 0.5
     advice = f"try --dt {enough:.1g}, or --error estimate to estimate the global error"
-    return Finding("accuracy", WARN, f"{text}, in a model of size {of.size:.1e} m; {advice}")
+    return Finding("accuracy", WARN, f"{text}, in a model of size {figures.size:.1e} m; {advice}")
 
 
 CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (

@@ -97,8 +97,8 @@ class StepMethod(Protocol):
 class FixedStepper:
     """A ``Stepper`` with steps of a given size.
 
-    ``begun`` says whether ``auto`` may use the compiled loop, ``large`` whether the subsystem is
-    too large for scipy.
+    ``may_compile`` says whether ``auto`` may use the compiled loop, ``large`` whether the subsystem
+    is too large for scipy.
     """
 
     def __init__(self, method: StepMethod, solver: str) -> None:
@@ -110,7 +110,7 @@ class FixedStepper:
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
         # scipy takes the first step of the schemes of order 2. It would have to be compiled for
         # the others as well, so there it is called only where the compiled loop fails.
-        self.begun = method.degree > 0
+        self.may_compile = method.degree > 0
 
     @property
     def kind(self) -> str:
@@ -122,7 +122,7 @@ class FixedStepper:
         """See ``Stepper``."""
         if self.solver == "root":
             return self.method.rare_calls
-        by_scipy = self.solver == "auto" and not self.begun and not self.large
+        by_scipy = self.solver == "auto" and not self.may_compile and not self.large
         return [*self.method.calls, *(self.method.rare_calls if by_scipy else ())]
 
     @property
@@ -133,11 +133,11 @@ class FixedStepper:
     @property
     def counters(self) -> dict[str, Any]:
         """See ``Stepper``."""
-        return {"begun": self.begun, **self.method.counters}
+        return {"may_compile": self.may_compile, **self.method.counters}
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
-        self.begun = counters["begun"]
+        self.may_compile = counters["may_compile"]
         self.method.restore(counters)
 
     def reset_prediction(self) -> None:
@@ -181,7 +181,7 @@ class FixedStepper:
                 if ends:
                     parts[k] = tuple(ends)
                 k += 1
-                self.begun = True
+                self.may_compile = True
                 if time.perf_counter() - began > patience:
                     break
         taken = max(0, k - chunk.first)
@@ -190,7 +190,9 @@ class FixedStepper:
         return Advance(k, outcome, chunk.schedule, sizes, ends_of_steps, event, parts)
 
     def _uses_compiled_loop(self) -> bool:
-        return self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large))
+        return self.solver == "newton" or (
+            self.solver == "auto" and (self.may_compile or self.large)
+        )
 
     def _take_single(
         self, chunk: Chunk, step: int, tried: bool
@@ -200,6 +202,7 @@ class FixedStepper:
         failure, or if an event ends the run within the step, the state is as before.
         """
         before, ends, detection = self._saved(), [0.0], self.method.detection
+        event: Event | None = None
         self.reset_prediction()
         while True:
             rest, begin = 1.0 - ends[-1], self._saved()
@@ -218,10 +221,10 @@ class FixedStepper:
                 break
             self._record(chunk, step, ends[-1], ends[-1] + part)
             ends.append(ends[-1] + part)
-        if not outcome.converged or (event and event.ends_run):
+        if not outcome.converged or event:
             self.reset_prediction()
             self._go_back(before)
-            return outcome, event, []
+            return outcome, event if outcome.converged else None, []
         self._record(chunk, step, ends[-1], 1.0)
         return outcome, None, ends[1:]
 
@@ -271,7 +274,7 @@ class FixedStepper:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
             self.requests.after(EVALUATION + STEP_WORK * self.workspace.unknowns.free.size)
             return self.method.take_step(h, share)
-        if self.solver == "root" or not self.begun:
+        if self.solver == "root" or not self.may_compile:
             return self._solve_by_scipy(h, share)
         outcome = Outcome(math.inf, -1)
         if not tried:

@@ -28,8 +28,8 @@ from msahl.linalg.elimination import new_factor
 from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
-from msahl.system.desk import Desk, jacobian_at_rest, new_desk
 from msahl.system.unknowns import Unknowns, choose
+from msahl.system.work_arrays import WorkArrays, jacobian_at_rest, new_work_arrays
 
 CONSISTENT = 1e-12
 """Violation rate, relative to the largest speed, that is taken for round-off."""
@@ -66,7 +66,7 @@ def make_consistent(
     state: State,
     free: np.ndarray,
     wish: str = "keepAngular",
-    desk: Desk | None = None,
+    work_arrays: WorkArrays | None = None,
 ) -> VelocityChange:
     """Change the velocities of the ``free`` unknowns so that no joint opens; say how.
 
@@ -75,10 +75,10 @@ def make_consistent(
     odds).
     """
     n = moving_count(system.frames)
-    desk = desk or new_desk(system, state)
-    start = desk.start
+    work_arrays = work_arrays or new_work_arrays(system, state)
+    start = work_arrays.start
     v0, w0 = state.v.copy(), state.w.copy()
-    given = _largest(_violation_rate(system, state, desk))
+    given = _largest(_violation_rate(system, state, work_arrays))
     speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
     near = CONSISTENT * max(speed, given)
     method = "none"
@@ -92,13 +92,13 @@ def make_consistent(
             )
         method = wish
         if wish == "keepAngular":
-            _project(system, state, desk, choose(system, _translations(system, free)))
-            if _largest(_violation_rate(system, state, desk)) > 1e3 * near:
+            _project(system, state, work_arrays, choose(system, _translations(system, free)))
+            if _largest(_violation_rate(system, state, work_arrays)) > 1e3 * near:
                 method = "massWeighted"
                 state.v[:], state.w[:] = v0, w0
         if method == "massWeighted":
-            _project(system, state, desk, choose(system, free))
-        left = _largest(_violation_rate(system, state, desk))
+            _project(system, state, work_arrays, choose(system, free))
+        left = _largest(_violation_rate(system, state, work_arrays))
         if left > 1e3 * near:
             raise StartError(
                 f"no velocities satisfy all joints and motions: {left:.3g} m/s are left over; "
@@ -114,16 +114,16 @@ def solve_accelerations(
     state: State,
     unknowns: Unknowns,
     values: np.ndarray | None = None,
-    desk: Desk | None = None,
+    work_arrays: WorkArrays | None = None,
 ) -> None:
     """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0;
     ``values`` are those of ``jacobian_at_rest``, if they are known.
 
     Friction presses by the reaction, which depends on friction: rounds until it stands still.
     """
-    desk = desk or new_desk(system, state)
-    values = jacobian_at_rest(system, state, desk) if values is None else values
-    start, _, call = desk
+    work_arrays = work_arrays or new_work_arrays(system, state)
+    values = jacobian_at_rest(system, state, work_arrays) if values is None else values
+    start, _, call = work_arrays
     rows, Z = np.zeros((2, node_count(system), 3))
     frames = system.frames
     for _ in range(MOST_ROUNDS):
@@ -146,11 +146,11 @@ def _largest(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
-def _violation_rate(system: System, state: State, desk: Desk) -> np.ndarray:
+def _violation_rate(system: System, state: State, work_arrays: WorkArrays) -> np.ndarray:
     """(k, 3) violation rates of the state [m/s], radians times a length; prepares ``start``."""
-    desk.call(evaluate.prepare, system, state, desk.start)
+    work_arrays.call(evaluate.prepare, system, state, work_arrays.start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    desk.call(evaluate.observe, system, state, desk.start, violation, rate)
+    work_arrays.call(evaluate.observe, system, state, work_arrays.start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
     instant.in_metres(system.beams, violation, rate)
     return rate
@@ -163,13 +163,13 @@ def _translations(system: System, free: np.ndarray) -> np.ndarray:
     return translations
 
 
-def _project(system: System, state: State, desk: Desk, unknowns: Unknowns) -> None:
+def _project(system: System, state: State, work_arrays: WorkArrays, unknowns: Unknowns) -> None:
     """Change the velocities among ``unknowns``, least by mass, so that the violation rate is 0."""
     rows = np.zeros((node_count(system), 3))
     frames = system.frames
-    rows[first_multiplier(frames) :] = -_violation_rate(system, state, desk)
-    R = desk.start.frames.R.copy()  # of the state; at rest it is the same
-    at_rest = jacobian_at_rest(system, state, desk)
+    rows[first_multiplier(frames) :] = -_violation_rate(system, state, work_arrays)
+    R = work_arrays.start.frames.R.copy()  # of the state; at rest it is the same
+    at_rest = jacobian_at_rest(system, state, work_arrays)
     change = solve_at_rest(system, state, rows, unknowns, at_rest)
     state.v[:] += change[frames.displacement]
     dW = change[frames.rotation] / frames.length[:, None]

@@ -19,12 +19,13 @@ from msahl.elements.signals import states
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant, new_instant, solve_least
 from msahl.start.redundancy import is_regular
-from msahl.study.start import first_state
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
+from msahl.system.build import build_system
 
 SIZE = 13
 """Numbers of a body in y."""
@@ -195,6 +196,13 @@ def _recall(
         for j in range(forces.shape[1]):
             for i in range(3):
                 forces[row, j, i] = state.reaction[j, i]
+
+
+def first_state(model: Model) -> tuple[System, State]:
+    """The system of ``model``, and its state at t = 0, made consistent as the deck wishes."""
+    integrator = SubsystemIntegrator(model, "newton", full=True, chunk=1)
+    # The runner's own system may be relaxed, which is not what the equations say.
+    return build_system(model), integrator.workspace.state
 
 
 class Dynamics:

@@ -243,8 +243,8 @@ def _sizes(first: np.ndarray, auxiliary: int) -> np.ndarray:
     components = np.abs(first[: SIZE * bodies]).reshape(-1, SIZE).max(axis=0)
     sizes = np.ones(SIZE)
     for kind, least in ((slice(0, 3), 1e-2), (slice(7, 10), 1.0), (slice(10, 13), 1.0)):
-        own = components[kind]
-        sizes[kind] = np.maximum(own, 1e-2 * max(own.max(), least))
+        indices = components[kind]
+        sizes[kind] = np.maximum(indices, 1e-2 * max(indices.max(), least))
     # A state that begins at zero has no size of its own.
     return np.concatenate([np.tile(sizes, bodies), np.maximum(np.abs(first[SIZE * bodies :]), 1.0)])
 

@@ -204,16 +204,16 @@ def _error_and_time(study: Study, run: StudyRun) -> str:
 
 def _gain(study: Study, best: StudyRun) -> list[str]:
     """Compare a run with the one with the deck's own settings."""
-    own = study.deck_run
-    if own is None or own is best or not own.trial.completed:
+    deck_run = study.deck_run
+    if deck_run is None or deck_run is best or not deck_run.trial.completed:
         return []
-    error, old = best.largest(study.plan.metric), own.largest(study.plan.metric)
-    words = _times(own.trial.seconds / max(best.trial.seconds, 1e-9), "faster", "slower")
+    error, old = best.largest(study.plan.metric), deck_run.largest(study.plan.metric)
+    words = _times(deck_run.trial.seconds / max(best.trial.seconds, 1e-9), "faster", "slower")
     if error and old:
         words += " and " + _times(old / error, "more accurate", "less accurate")
     return [
-        f"It is {words} than the run with the deck's own settings ({describe_options(own)}), whose "
-        f"{_error_and_time(study, own)}."
+        f"It is {words} than the run with the deck's own settings "
+        f"({describe_options(deck_run)}), whose {_error_and_time(study, deck_run)}."
     ]
 
 
@@ -224,10 +224,10 @@ def _times(ratio: float, better: str, worse: str) -> str:
 
 def _output_hint(study: Study) -> list[Block]:
     """Say how to get more output times from a run at large steps."""
-    best, own = study.fastest, study.deck_run
-    if best is None or own is None or len(best.trial.run.time) >= len(own.trial.run.time):
+    best, deck_run = study.fastest, study.deck_run
+    if best is None or deck_run is None or len(best.trial.run.time) >= len(deck_run.trial.run.time):
         return []
-    interval = float(own.trial.run.time[1])
+    interval = float(deck_run.trial.run.time[1])
     return [
         Paragraph(
             f"This run writes {len(best.trial.run.time)} output times. To get those of the run "

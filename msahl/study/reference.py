@@ -13,7 +13,7 @@ import numpy as np
 
 from msahl.deck import DeckError
 from msahl.model import Model
-from msahl.results.read import ResultError, read_run
+from msahl.results.read import ResultError, Run, read_run
 from msahl.study.dynamics import Dynamics
 
 SAME_TIME = 1e-9
@@ -59,6 +59,12 @@ class TableReference:
     error: float
     dynamics: Dynamics
 
+    @classmethod
+    def of_run(cls, run: Run, description: str, dynamics: Dynamics) -> "TableReference":
+        """Return a ``run`` as a reference."""
+        table = run.states.to_numpy()[:, 1:]
+        return cls(description, run.time, table, float(run.time[-1]), 0.0, dynamics)
+
     def states(self, times: np.ndarray) -> np.ndarray:
         """Return the states (m, 12 n) at ``times``; NaN at a time that is not in the table."""
         same = SAME_TIME * self.times[-1]
@@ -81,8 +87,6 @@ def stored(folder: Path, model: Model) -> TableReference:
         run = read_run(folder)
     except DeckError as error:
         raise ResultError(str(error.faults[0])) from error
-    table = run.states.to_numpy()[:, 1:]
-    if table.shape[1] != 12 * len(model.bodies):
+    if run.states.shape[1] != 1 + 12 * len(model.bodies):
         raise ResultError(f"{folder}: not a run of this deck (it has other bodies)")
-    description = f"The reference is the stored run {folder}."
-    return TableReference(description, run.time, table, float(run.time[-1]), 0.0, Dynamics(model))
+    return TableReference.of_run(run, f"The reference is the stored run {folder}.", Dynamics(model))

@@ -69,9 +69,7 @@ def _refined(model: Model, dynamics: Dynamics, deadline: float) -> Iterator[Tabl
         )
         taken, k = working_clock() - began, k - 1
         if report.status == "completed":
-            table = run.states.to_numpy()[:, 1:]
-            description = f"{SCHEME} at a step size of {dt:g} s"
-            yield TableReference(description, run.time, table, float(run.time[-1]), 0.0, dynamics)
+            yield TableReference.of_run(run, f"{SCHEME} at a step size of {dt:g} s", dynamics)
 
 
 def _differences(coarse: TableReference, fine: TableReference) -> np.ndarray:

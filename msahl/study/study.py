@@ -154,15 +154,15 @@ def _at_given_steps(plan: Plan, reference: Reference, observer: Observer) -> Stu
 def _searched(plan: Plan, reference: Reference, observer: Observer, until: float) -> Study:
     """Make runs at step sizes found by a ``Search``."""
     search = Search(plan, reference, Dynamics(plan.model), until, observer)
-    own = deck_case(plan)
-    if own is not None:
-        search.run(own)
+    deck_case_of_plan = deck_case(plan)
+    if deck_case_of_plan is not None:
+        search.run(deck_case_of_plan)
     search.fraction = OF_CURVES
     search.explore()
     search.fraction = OF_RUNS
     search.refine()
     search.compare()
-    result = Study(plan, reference, search.runs, own, observer.stopped())
+    result = Study(plan, reference, search.runs, deck_case_of_plan, observer.stopped())
     best = result.fastest
     search.estimate(best.trial.scheme if best else plan.studied[0])
     search.fraction = 1.0

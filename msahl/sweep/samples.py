@@ -70,7 +70,7 @@ def parse_sample(text: str, seed: int) -> Sample:
 def draw(sample: Sample, distributions: list[Distribution]) -> np.ndarray:
     """Return the values of all points, shape (points, number of distributions)."""
     cube = _cube(sample, len(distributions))
-    columns = [inverse(of, cube[:, k]) for k, of in enumerate(distributions)]
+    columns = [inverse(distribution, cube[:, k]) for k, distribution in enumerate(distributions)]
     return np.stack(columns, axis=1)
 
 

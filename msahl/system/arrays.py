@@ -77,7 +77,7 @@ class State(NamedTuple):
     force_trend: np.ndarray  # (3, k, 3) likewise of force
     mean_v: np.ndarray  # displacement over the last step by its size, inertial axes [m/s]
     mean_w: np.ndarray  # likewise the rotation increment [rad/s]
-    foresight: np.ndarray  # (1,) what predicts a step: see ``midpoint.equations``
+    prediction: np.ndarray  # (1,) what predicts a step: see ``midpoint.equations``
     violation: np.ndarray  # (k, 3) violation that the last solution left, by increments [m]
     angle: np.ndarray  # (q,) coordinates' values; angles are counted here [m or rad]
     reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]

@@ -79,7 +79,10 @@ def coordinate_columns(model: Model, levels: int) -> list[str]:
     three ``levels`` their accelerations.
     """
     names = ((joint, level) for joint in model.joints for level in range(levels))
-    return ["time", *(f"{of.name}.{c}" for of, level in names for c in columns(of, level))]
+    return [
+        "time",
+        *(f"{element.name}.{c}" for element, level in names for c in columns(element, level)),
+    ]
 
 
 def reaction_columns(model: Model) -> list[str]:
@@ -120,7 +123,7 @@ def work_columns(model: Model) -> list[str]:
     """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
     springs = [load for load in model.loads if isinstance(load, Springy)]
     work = [f"{name}.work" for name in workers(model)]
-    return ["time", *work, *(f"{of.name}.{ENERGY}" for of in (*springs, *model.beams))]
+    return ["time", *work, *(f"{element.name}.{ENERGY}" for element in (*springs, *model.beams))]
 
 
 def resultant_columns(model: Model) -> list[str]:

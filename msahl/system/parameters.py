@@ -86,7 +86,7 @@ def _lengths(bodies: Sequence[RigidBody], arms: Sequence[Sequence[float]]) -> li
     """The length of each body: its radius of gyration or its longest arm, whichever is larger."""
     mass = np.array([body.mass for body in bodies])
     gyration = np.sqrt(np.trace(_tensors(bodies), axis1=1, axis2=2) / (2.0 * mass))
-    return [max((size, *own)) for size, own in zip(gyration.tolist(), arms, strict=False)]
+    return [max((size, *lengths)) for size, lengths in zip(gyration.tolist(), arms, strict=False)]
 
 
 def _tensors(bodies: Sequence[RigidBody]) -> np.ndarray:
@@ -320,11 +320,11 @@ def _interpolation(beam: Beam, most: int) -> tuple[np.ndarray, np.ndarray, np.nd
     """Return shape functions (g, most), their derivatives by arc length and weights w J (g,) at the
     Gauss points of a beam; of a node that its elements do not have they are 0.
     """
-    of, half = shape(beam.degree), 0.5 * np.array(beam.lengths)
+    element, half = shape(beam.degree), 0.5 * np.array(beam.lengths)
     missing = ((0, 0), (0, most - beam.degree - 1))
-    values = np.pad(np.tile(of.values, (half.size, 1)), missing)
-    slopes = np.pad((of.slopes / half[:, None, None]).reshape(-1, beam.degree + 1), missing)
-    return values, slopes, (half[:, None] * of.weights).reshape(-1)
+    values = np.pad(np.tile(element.values, (half.size, 1)), missing)
+    slopes = np.pad((element.slopes / half[:, None, None]).reshape(-1, beam.degree + 1), missing)
+    return values, slopes, (half[:, None] * element.weights).reshape(-1)
 
 
 def _inverse(compliance: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ def build_state(model: Model, system: System) -> State:
         force_trend=np.zeros((3, *multipliers)),
         mean_v=np.zeros_like(x),
         mean_w=np.zeros_like(x),
-        foresight=np.ones(1),
+        prediction=np.ones(1),
         violation=np.zeros(multipliers),
         angle=np.zeros(coordinate_count(system)),
         reaction=np.zeros(joints),
@@ -90,7 +90,7 @@ def copy_state(state: State, other: State) -> None:
     """Copy all of ``state`` to ``other``."""
     for source, target in (
         (state.time, other.time),
-        (state.foresight, other.foresight),
+        (state.prediction, other.prediction),
         (state.angle, other.angle),
         (state.work, other.work),
         (state.stretch, other.stretch),

@@ -247,11 +247,11 @@ def _beams(
     """Return the indices of beams; arrays by nodes of elements have as many as the largest one."""
     if not elements.beams:
         return None
-    own = [of for _, _, of in _beam_elements(elements)]
-    used = sorted({frame for of in own for frame in of})
+    own = [beam for _, _, beam in _beam_elements(elements)]
+    used = sorted({frame for beam in own for frame in beam})
     number = {frame: m for m, frame in enumerate(used)}
-    most = max(len(of) for of in own)
-    frame = indices([[*of, *[elements.ground] * (most - len(of))] for of in own])
+    most = max(len(beam) for beam in own)
+    frame = indices([[*beam, *[elements.ground] * (most - len(beam))] for beam in own])
     u, theta = frames["displacement"][frame], frames["rotation"][frame]
     places = [
         blocks.place(rows[:, :, None], columns[:, None, :])
@@ -267,8 +267,8 @@ def _beams(
     both = np.stack([stretch[:, 0], bend[:, 0]], axis=1)
     return {
         "frame": indices(used),
-        "first": np.concatenate([[0], np.cumsum([len(of) for of in own])]).astype(np.int64),
-        "node": indices([number[frame] for of in own for frame in of]),
+        "first": np.concatenate([[0], np.cumsum([len(beam) for beam in own])]).astype(np.int64),
+        "node": indices([number[frame] for beam in own for frame in beam]),
         "element": of_point,
         "rigid": np.concatenate([_rigid(entry.beam) for entry in elements.beams]),
         "place": place,

@@ -1,8 +1,8 @@
 """Which unknowns are solved for, and the maps that bring them together.
 
 The step's equations are written for every node; a solver works on the free ones only. The others
-keep their predicted values, which the reductions of ``system.reduce`` make exact: gravity's own, or
-zero.
+keep their predicted values, which the reductions of ``system.reductions`` make exact: gravity's
+own, or zero.
 """
 
 from typing import NamedTuple

@@ -9,7 +9,16 @@ import numpy as np
 from msahl.algebra.rotation import compose, matrix, to_axis_angle
 from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
-from msahl.analysis.linear_models.columns import BODIES, RATES, columns_by_table, headers, rows_of
+from msahl.analysis.linear_models.columns import (
+    BODIES,
+    RATES,
+    WORK,
+    columns_by_table,
+    force_rows,
+    headers,
+    motion_rows,
+    motions_of,
+)
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
@@ -52,7 +61,8 @@ def values(point, origin):
     """
     model, system, state = point.model, point.system, point.state
     found = {}
-    tables, heads = rows_of(point, [state]), headers(model)
+    tables, heads = force_rows(point, [state]), headers(model)
+    tables |= motion_rows(point, motions_of(point, [state]), tables[WORK])
     # Of two columns of one name that of the first table is meant.
     for name in reversed([*columns_by_table(model), BODIES, RATES]):
         if name in tables:

@@ -166,9 +166,9 @@ def evaluated(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
 def _rotating(state: State, spin: np.ndarray, centre: np.ndarray) -> State:
     """Return the state with the velocities of a steady rotation, and zero accelerations."""
     changed = ("a", "alpha", "force", "reaction")
-    own = {name: np.zeros_like(getattr(state, name)) for name in changed}
+    unchanged = {name: np.zeros_like(getattr(state, name)) for name in changed}
     moving = with_rates(state, Spin(spin, centre))
-    return moving._replace(auxiliary=state.auxiliary.copy(), **own)
+    return moving._replace(auxiliary=state.auxiliary.copy(), **unchanged)
 
 
 def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:

@@ -47,10 +47,10 @@ def _places(start: Point, point: Point) -> list[str]:
     """
     states, first, model = state_row(point), state_row(start), point.model
     nodes = {name for beam in model.beams for name in beam.nodes}
-    own = [b for b, body in enumerate(model.bodies) if body.name not in nodes]
+    bodies = [b for b, body in enumerate(model.bodies) if body.name not in nodes]
     ends = {beam.nodes[-1]: beam.name for beam in model.beams}
     shown = []
-    for b in own[:MOST_BODIES] + [b for b, body in enumerate(model.bodies) if body.name in ends]:
+    for b in bodies[:MOST_BODIES] + [b for b, body in enumerate(model.bodies) if body.name in ends]:
         row, before = states[12 * b : 12 * b + 3], first[12 * b : 12 * b + 3]
         place = ", ".join(f"{x:.9g}" for x in row)
         angle = to_axis_angle(compose(at(point.state.p, b), opposite(at(start.state.p, b))))[1]
@@ -60,6 +60,6 @@ def _places(start: Point, point: Point) -> list[str]:
             f"  {f'last node of {ends[name]}' if name in ends else name}: ({place}) m, moved "
             f"{moved:.4g} m, rotated {np.degrees(angle):.4g} deg"
         )
-    if len(own) > MOST_BODIES:
-        shown.append(f"  and {len(own) - MOST_BODIES} more bodies")
+    if len(bodies) > MOST_BODIES:
+        shown.append(f"  and {len(bodies) - MOST_BODIES} more bodies")
     return shown

@@ -310,10 +310,10 @@ def _correction(
     """Newton's step at right angles to the ``tangent``: displacements (n,), multipliers (c,) and
     the change of the load factor.
     """
-    own, own_multipliers = solve(factors, -now.force, -now.violation)
+    step, own_multipliers = solve(factors, -now.force, -now.violation)
     by_load, by_load_multipliers = solve(factors, -loads, np.zeros(now.violation.size))
-    change = -tangent.along(own, 0.0) / tangent.along(by_load, 1.0)
-    return own + change * by_load, own_multipliers + change * by_load_multipliers, change
+    change = -tangent.along(step, 0.0) / tangent.along(by_load, 1.0)
+    return step + change * by_load, own_multipliers + change * by_load_multipliers, change
 
 
 def _between(first: float, last: float, wanted: Sequence[float]) -> list[float]:

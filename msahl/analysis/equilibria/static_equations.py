@@ -190,8 +190,8 @@ class Statics:
         moves = (row < self._first) & (column < self._first) & (rotates == 0)
         moves[0] = False
         matrices[moves] += self._out.by_rate.reshape(-1, 3, 3)[moves] @ W
-        own = moves & (row == column)
-        matrices[own] -= W @ W
+        diagonal = moves & (row == column)
+        matrices[diagonal] -= W @ W
 
     def _weighed(
         self,

@@ -114,8 +114,15 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
         system.shown, system.scalar, state.reaction, state.force, 0.0, written.reactions, 0
     )
     instant.write_resultants(system.beams, state.force, written.resultants, 0)
-    of = system.forces
-    forces.publish_signals(of.signals, of.actuator, start.forces, system.scalar, written.signals, 0)
+    system_forces = system.forces
+    forces.publish_signals(
+        system_forces.signals,
+        system_forces.actuator,
+        start.forces,
+        system.scalar,
+        written.signals,
+        0,
+    )
     return start, written
 
 

@@ -22,7 +22,7 @@ from msahl.schemes.common.tangents import (
 from msahl.schemes.common.workspace import Workspace
 from msahl.system.arrays import State
 
-ONLY_PREDICTED = ("foresight", "mean_v", "mean_w", "a_trend", "alpha_trend", "force_trend")
+ONLY_PREDICTED = ("prediction", "mean_v", "mean_w", "a_trend", "alpha_trend", "force_trend")
 """Fields of the state that serve the prediction of a step only; its solution is without them."""
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 from msahl.analysis.equilibria.begin import beginning
@@ -36,7 +35,7 @@ class DeckNumbers:
 
     @cached_property
     def _root(self) -> Element:
-        return parse_with_comments(replace(self.job, moved=None).text)
+        return parse_with_comments(self.job.given_text)
 
     def find(self, name: str) -> FoundNumber:
         """Return the number that ``name`` names as ``--set`` does; raises ``LookupError``."""
@@ -79,8 +78,8 @@ class DeckNumbers:
         so that no other is equal to it.
         """
         changed = [
-            f"{name}={math.nextafter(of.value, math.inf)!r} {of.units}".rstrip()
-            for name, of in numbers.items()
+            f"{name}={math.nextafter(number.value, math.inf)!r} {number.units}".rstrip()
+            for name, number in numbers.items()
         ]
         job, changed = self.job, [*self.job.changed, *changed]
         moved = make_job(job.source, self._deck.model(changed), job.given, changed)

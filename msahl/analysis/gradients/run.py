@@ -188,8 +188,11 @@ def _shared(
     most = max([1, *map(len, changed)])
     index, change = np.zeros((n, most), dtype=np.int64), np.zeros((n, most))
     slope = np.zeros((n, base.state.size))
-    for j, (of, variation) in enumerate(zip(changed, variations, strict=False)):
-        index[j, : len(of)], change[j, : len(of)] = of, variation.numbers[of]
+    for j, (changed_one, variation) in enumerate(zip(changed, variations, strict=False)):
+        index[j, : len(changed_one)], change[j, : len(changed_one)] = (
+            changed_one,
+            variation.numbers[changed_one],
+        )
         slope[j] = variation.state
     size = base.state.size
     return {
@@ -197,7 +200,7 @@ def _shared(
         "given": base.numbers.copy(),
         "changed": index,
         "change": change,
-        "changes": np.array([len(of) for of in changed], dtype=np.int64),
+        "changes": np.array([len(changed_one) for changed_one in changed], dtype=np.int64),
         "state": member.state,
         "base": base.state,
         "before": base.state.copy(),

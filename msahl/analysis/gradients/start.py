@@ -128,7 +128,9 @@ def variations(
 def _variation(
     part: SubsystemIntegrator, start: Start, others: list[tuple[Start, float]], size: float
 ) -> Variation:
-    numbers, state, rows = (np.zeros_like(of) for of in (start.numbers, start.state, start.rows))
+    numbers, state, rows = (
+        np.zeros_like(array) for array in (start.numbers, start.state, start.rows)
+    )
     changed = np.zeros(numbers.size, dtype=bool)
     for other, weight in others:
         change = np.abs(_difference(other.numbers, start.numbers))
@@ -149,10 +151,10 @@ def _variation(
     return Variation(numbers, state, rows, _largest_shift(part, numbers, size))
 
 
-def _difference(other: np.ndarray, own: np.ndarray) -> np.ndarray:
+def _difference(other: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Return the difference of numbers, 0 where both are the same infinity or none."""
-    same = (other == own) | (np.isnan(other) & np.isnan(own))
-    return np.where(same, 0.0, other - np.where(same, 0.0, own))
+    same = (other == reference) | (np.isnan(other) & np.isnan(reference))
+    return np.where(same, 0.0, other - np.where(same, 0.0, reference))
 
 
 def _largest_shift(part: SubsystemIntegrator, change: np.ndarray, size: float) -> float:
@@ -176,7 +178,7 @@ def _largest_shift(part: SubsystemIntegrator, change: np.ndarray, size: float) -
 def relative_change(start: Start, other: Start) -> float:
     """Return the largest change of a number or state, relative to the largest of its kind."""
     sizes = [math.prod(shape) for shape in start.kind[-1]]
-    own, others = (np.concatenate([of.numbers, of.state]) for of in (start, other))
+    own, others = (np.concatenate([point.numbers, point.state]) for point in (start, other))
     change = _difference(others, own)
     first, largest = 0, 0.0
     for size in sizes:

@@ -126,13 +126,13 @@ class TangentModel:
             ]
         of_parts = self._variations[key]
         runs = [
-            TangentRun(part, [of[k] for of in of_parts], shape, free)
+            TangentRun(part, [part_of_run[k] for part_of_run in of_parts], shape, free)
             for k, part in enumerate(parts)
         ]
         found = _Assembly(TableAssembly(self.model, parts), len(runs[0].slope), times, tables)
         if 0 in found.place:
             for k, run in enumerate(runs):
-                found.enter_start(k, run, [of[k].rows for of in of_parts])
+                found.enter_start(k, run, [part_of_run[k].rows for part_of_run in of_parts])
         for k, run in enumerate(runs):
             for step, _, _ in run.steps(steps):
                 found.enter(k, run, step)
@@ -246,7 +246,7 @@ class _Assembly:
         found = TableGradients(self.rows, self.slopes, np.zeros(n), sizes[:, :n], left[:n])
         if free:
             last = list(self.place.values())[-1]
-            _, by_all = max((run.margin() for run in runs), key=lambda of: of[0])
+            _, by_all = max((run.margin() for run in runs), key=lambda margin: margin[0])
             if not np.isfinite(by_all).all() or by_all[-1] == 0.0:
                 raise NotDifferentiable("the condition that ends the run does not change with time")
             found.end = -by_all[:n] / by_all[-1]

@@ -16,7 +16,7 @@ def lines(solution: Solution, shown_verdict: Verdict) -> list[str]:
     return [
         f"{model.simulation.title or 'model'}: loads of the motion in {motion.source}, "
         f"{motion.time.size} times to {motion.time[-1]:.6g} s",
-        f"{d} degree{'' if d == 1 else 's'} of freedom, {k} drive{'' if k == 1 else 's'}"
+        f"{d} {'degree' if d == 1 else 'degrees'} of freedom, {k} drive{'' if k == 1 else 's'}"
         f"{redundant if solution.redundant else ''}",
         f"given: {_given(solution)}",
         "",

@@ -85,16 +85,16 @@ class Follower:
 
     def mass(self, state: State) -> np.ndarray:
         """(n, n) mass matrix of displacements and rotations times lengths [kg]."""
-        of, frames = self.equations, self.equations.system.frames
-        of.call(evaluate.prepare, of.system, state, of.start)
-        nodes = node_count(of.system)
+        equations, frames = self.equations, self.equations.system.frames
+        equations.call(evaluate.prepare, equations.system, state, equations.start)
+        nodes = node_count(equations.system)
         M = np.zeros((nodes, 3, nodes, 3))
-        for b, f in enumerate(of.system.bodies.frame.tolist()):
+        for b, f in enumerate(equations.system.bodies.frame.tolist()):
             u, theta = frames.displacement[f], frames.rotation[f]
-            M[u, :, u, :] = np.eye(3) / of.system.bodies.inverse_mass[b]
-            M[theta, :, theta, :] = of.start.bodies.J[b] / frames.length[f] ** 2
+            M[u, :, u, :] = np.eye(3) / equations.system.bodies.inverse_mass[b]
+            M[theta, :, theta, :] = equations.start.bodies.J[b] / frames.length[f] ** 2
         flat = M.reshape(3 * nodes, 3 * nodes)
-        return np.asarray(flat[np.ix_(of.coordinate, of.coordinate)])
+        return np.asarray(flat[np.ix_(equations.coordinate, equations.coordinate)])
 
     def settle(self, state: State, given: np.ndarray, time: float) -> np.ndarray:
         """Change the positions of ``state`` to those of the ``given`` values at ``time`` [s];
@@ -102,24 +102,24 @@ class Follower:
 
         The matrices of the configuration before serve as long as they halve the corrections.
         """
-        of, last = self.equations, np.inf
+        equations, last = self.equations, np.inf
         state.time[0] = time
         for _ in range(MOST_ITERATIONS):
             chord = self.chord or self._renew(state)
-            violation = violations(of, state)[0][of.holonomic]
+            violation = violations(equations, state)[0][equations.holonomic]
             difference = self.measures.difference(self.measures.bodies(state), given)
             closing = -chord.inverse @ violation
             z = self._limited(closing + chord.N @ (chord.fit @ (difference - chord.H @ closing)))
-            size = float(np.linalg.norm(z)) / of.size
-            displace(of, state, z)
+            size = float(np.linalg.norm(z)) / equations.size
+            displace(equations, state, z)
             if size <= SMALL or (size <= SLOW and size >= 0.5 * last):
                 break
             if size > 0.5 * last or (last == np.inf and size > NEAR):
                 self.chord = None
             last = size
-        violation = violations(of, state)[0][of.holonomic]
+        violation = violations(equations, state)[0][equations.holonomic]
         left = float(np.abs(violation).max(initial=0.0))
-        if not left <= CLOSED * of.size:
+        if not left <= CLOSED * equations.size:
             raise InverseError(
                 f"at {time:.9g} s the joints cannot be closed with the given coordinates: "
                 f"{left:.3g} m remain; check their values, or start the deck nearer to them"
@@ -165,13 +165,13 @@ class Follower:
 
     def moving_bodies(self, free: np.ndarray) -> list[str]:
         """Return the names of bodies that move in some of the motions ``free`` (n, k)."""
-        of = self.equations
-        size = np.zeros(node_count(of.system) * 3)
-        size[of.coordinate] = np.linalg.norm(free, axis=1)
+        equations = self.equations
+        size = np.zeros(node_count(equations.system) * 3)
+        size[equations.coordinate] = np.linalg.norm(free, axis=1)
         nodes = size.reshape(-1, 3).max(axis=1)
-        frames, names = of.system.frames, []
+        frames, names = equations.system.frames, []
         for b, name in enumerate(self.measures.names):
-            f = int(of.system.bodies.frame[b])
+            f = int(equations.system.bodies.frame[b])
             if max(nodes[frames.displacement[f]], nodes[frames.rotation[f]]) > 1e-6:
                 names.append(name)
         more = len(names) - MOST_NAMED
@@ -181,11 +181,11 @@ class Follower:
         """Set the velocities of ``state`` to those of the given ``rates`` (y,) in metres; return
         them (n,).
         """
-        of = self.equations
-        closing = -frame.inverse @ violations(of, state, at_rest=True)[1]
+        equations = self.equations
+        closing = -frame.inverse @ violations(equations, state, at_rest=True)[1]
         z = closing + frame.N @ _fitted(frame, rates - frame.H @ closing)
-        v, W = by_frames(of, z)
-        for f in range(moving_count(of.system.frames)):
+        v, W = by_frames(equations, z)
+        for f in range(moving_count(equations.system.frames)):
             state.v[f], state.w[f] = v[f], np.array(matrix(at(state.p, f))).T @ W[f]
         return z
 
@@ -203,14 +203,14 @@ class Follower:
         return z
 
 
-def masses(of: Equations) -> np.ndarray:
+def masses(equations: Equations) -> np.ndarray:
     """(n,) mass of the body that each unknown moves [kg]."""
-    frames = of.system.frames
+    frames = equations.system.frames
     moving = slice(moving_count(frames))
-    mass = np.ones((node_count(of.system), 3))
+    mass = np.ones((node_count(equations.system), 3))
     for nodes in (frames.displacement[moving], frames.rotation[moving]):
         mass[nodes] = 1.0 / frames.inverse_mass[moving, None]
-    return np.asarray(mass.reshape(-1)[of.coordinate])
+    return np.asarray(mass.reshape(-1)[equations.coordinate])
 
 
 def _weighted(G: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -271,8 +271,8 @@ class _Work:
 
     def _write(self, state: State, row: int) -> None:
         """Write the solved state to a row of all tables."""
-        of, tables = self.follower.equations, self.tables
-        system, start = of.system, of.start
+        equations, tables = self.follower.equations, self.tables
+        system, start = equations.system, equations.start
         write_states(system.bodies, state.x, state.p, start.frames, state.w, tables.states, row)
         write_reactions(
             *(system.shown, system.scalar, state.reaction, state.force, float(state.time[0])),
@@ -286,7 +286,9 @@ class _Work:
         forces.add_power(system.forces, start.forces, system.scalar, state.reaction, 1.0, power)
         tables.work[row, : power.size] = power
         zeros = np.zeros_like(state.violation)
-        self.energy[row] = sum(of.call(evaluate.observe, system, state, start, zeros, zeros.copy()))
+        self.energy[row] = sum(
+            equations.call(evaluate.observe, system, state, start, zeros, zeros.copy())
+        )
         forces.publish_energy(system.forces, start.forces, power.size, tables.work, row)
         forces.publish_signals(
             *(system.forces.signals, system.forces.actuator, start.forces, system.scalar),

@@ -122,18 +122,28 @@ class Solved(NamedTuple):
     remaining: float  # largest entry of b - G z
 
 
-def jacobian(of: Equations, state: State) -> np.ndarray:
+def jacobian(equations: Equations, state: State) -> np.ndarray:
     """(c, n) derivative G of the equations by the unknowns; of equations between rates by rates."""
-    rest, frames = _shown(of.rest, state), of.system.frames
-    of.call(evaluate.prepare, of.system, rest, of.start)
-    if of.system.scalar:
-        group, own = of.system.scalar.coordinates, of.start.scalar.coordinates
-        of.call(coordinates.evaluate, group, own, frames, of.Z)
+    rest, frames = _shown(equations.rest, state), equations.system.frames
+    equations.call(evaluate.prepare, equations.system, rest, equations.start)
+    if equations.system.scalar:
+        group, coordinates_start = (
+            equations.system.scalar.coordinates,
+            equations.start.scalar.coordinates,
+        )
+        equations.call(coordinates.evaluate, group, coordinates_start, frames, equations.Z)
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
-    of.call(evaluate.joint_jacobian, of.system, of.start, 2.0**0.5, of.Z, of.values)
-    G = np.zeros(of.equation.size * of.coordinate.size)
-    G[of.place] = of.values[of.taken]
-    return G.reshape(of.equation.size, of.coordinate.size)
+    equations.call(
+        evaluate.joint_jacobian,
+        equations.system,
+        equations.start,
+        2.0**0.5,
+        equations.Z,
+        equations.values,
+    )
+    G = np.zeros(equations.equation.size * equations.coordinate.size)
+    G[equations.place] = equations.values[equations.taken]
+    return G.reshape(equations.equation.size, equations.coordinate.size)
 
 
 def _shown(seen: State, state: State) -> State:
@@ -143,22 +153,31 @@ def _shown(seen: State, state: State) -> State:
     return seen
 
 
-def _moving(of: Equations, state: State) -> State:
-    of.seen.v[:], of.seen.w[:] = state.v, state.w
-    return _shown(of.seen, state)
+def _moving(equations: Equations, state: State) -> State:
+    equations.seen.v[:], equations.seen.w[:] = state.v, state.w
+    return _shown(equations.seen, state)
 
 
-def violations(of: Equations, state: State, at_rest: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def violations(
+    equations: Equations, state: State, at_rest: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """(c,) constraint violations [m], 0 of equations between rates, and their rates [m/s], of the
     state or of the state ``at_rest``; counts angles in ``state.angle``.
     """
-    seen = _shown(of.rest, state) if at_rest else _moving(of, state)
-    of.call(evaluate.prepare, of.system, seen, of.start)
-    scalar.count_rotations(of.system.scalar, of.start.scalar, state.angle)
-    of.call(evaluate.observe, of.system, seen, of.start, of.violation, of.rate)
-    scalar.in_metres(of.system.scalar, of.violation, of.rate)
-    chosen = of.equation - 3 * first_multiplier(of.system.frames)
-    return of.violation.reshape(-1)[chosen], of.rate.reshape(-1)[chosen]
+    seen = _shown(equations.rest, state) if at_rest else _moving(equations, state)
+    equations.call(evaluate.prepare, equations.system, seen, equations.start)
+    scalar.count_rotations(equations.system.scalar, equations.start.scalar, state.angle)
+    equations.call(
+        evaluate.observe,
+        equations.system,
+        seen,
+        equations.start,
+        equations.violation,
+        equations.rate,
+    )
+    scalar.in_metres(equations.system.scalar, equations.violation, equations.rate)
+    chosen = equations.equation - 3 * first_multiplier(equations.system.frames)
+    return equations.violation.reshape(-1)[chosen], equations.rate.reshape(-1)[chosen]
 
 
 def solve(G: np.ndarray, b: np.ndarray) -> Solved:
@@ -187,31 +206,31 @@ class Closed(NamedTuple):
     violation: float  # largest violation [m]
 
 
-def close(of: Equations, state: State) -> Closed:
+def close(equations: Equations, state: State) -> Closed:
     """Change the positions of ``state`` until they satisfy the equations at its time, which have to
     determine them, by Newton's method from where they are.
     """
     first = last = previous = np.inf
     # Equations between rates do not constrain positions.
-    rows = of.holonomic
-    violation, _ = violations(of, state)
+    rows = equations.holonomic
+    violation, _ = violations(equations, state)
     solution: Callable[[np.ndarray], np.ndarray] | None = None
     for iteration in range(1, MOST_ITERATIONS + 1):
         if solution is None or last > SLOW * previous:
-            solution = _solution(jacobian(of, state)[rows])
+            solution = _solution(jacobian(equations, state)[rows])
         z = solution(-violation[rows])
         previous, last = last, float(np.linalg.norm(z))
         first = last if iteration == 1 else first
         if not np.isfinite(last) or last > DIVERGING * previous:
             break
-        displace(of, state, z)
-        violation, _ = violations(of, state)
-        stands = last >= 0.5 * previous and last <= CLOSED * of.size
-        following = last * min(last / previous, 1.0) if iteration > 1 else last**2 / of.size
-        if following <= 0.1 * EPSILON * of.size or stands:
+        displace(equations, state, z)
+        violation, _ = violations(equations, state)
+        stands = last >= 0.5 * previous and last <= CLOSED * equations.size
+        following = last * min(last / previous, 1.0) if iteration > 1 else last**2 / equations.size
+        if following <= 0.1 * EPSILON * equations.size or stands:
             break
     largest = float(np.abs(violation).max(initial=0.0))
-    return Closed(largest <= CLOSED * of.size, iteration, first, last, largest)
+    return Closed(largest <= CLOSED * equations.size, iteration, first, last, largest)
 
 
 def _solution(G: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -229,22 +248,22 @@ def _solution(G: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     return by_factors
 
 
-def displace(of: Equations, state: State, z: np.ndarray) -> None:
+def displace(equations: Equations, state: State, z: np.ndarray) -> None:
     """Displace and rotate the bodies of ``state`` by ``z`` (n,): displacements, and rotation
     increments times lengths [m].
     """
-    _move(of, state, z, from_increment)
+    _move(equations, state, z, from_increment)
 
 
-def predict(of: Equations, state: State, h: float) -> None:
+def predict(equations: Equations, state: State, h: float) -> None:
     """Advance ``state`` by ``h`` [s] with its velocities and accelerations, to second order."""
-    flat = np.zeros((node_count(of.system), 3))
-    frames = of.system.frames
+    flat = np.zeros((node_count(equations.system), 3))
+    frames = equations.system.frames
     for f in range(moving_count(frames)):
         W = np.array(matrix(at(state.p, f))) @ state.w[f]
         flat[frames.displacement[f]] = h * state.v[f] + 0.5 * h * h * state.a[f]
         flat[frames.rotation[f]] = frames.length[f] * (h * W + 0.5 * h * h * state.alpha[f])
-    _move(of, state, flat.reshape(-1)[of.coordinate], _by_vector)
+    _move(equations, state, flat.reshape(-1)[equations.coordinate], _by_vector)
     state.time[0] += h
 
 
@@ -254,44 +273,51 @@ def _by_vector(c: tuple[float, float, float]) -> tuple[float, float, float]:
     return from_axis_angle(c, angle) if angle > 0.0 else (0.0, 0.0, 0.0)
 
 
-def _move(of: Equations, state: State, z: np.ndarray, rotation: Callable[..., Any]) -> None:
-    flat, frames = np.zeros((node_count(of.system), 3)), of.system.frames
-    flat.reshape(-1)[of.coordinate] = z
+def _move(equations: Equations, state: State, z: np.ndarray, rotation: Callable[..., Any]) -> None:
+    flat, frames = np.zeros((node_count(equations.system), 3)), equations.system.frames
+    flat.reshape(-1)[equations.coordinate] = z
     for f in range(moving_count(frames)):
         state.x[f] += flat[frames.displacement[f]]
         x, y, c = (flat[frames.rotation[f]] / frames.length[f]).tolist()
         state.p[f] = compose(rotation((x, y, c)), at(state.p, f))
 
 
-def set_velocities(of: Equations, state: State, G: np.ndarray) -> Solved:
+def set_velocities(equations: Equations, state: State, G: np.ndarray) -> Solved:
     """Set the velocities of ``state``, whose positions satisfy the equations, by G v = -g_t; ``G``
     is its ``jacobian``.
     """
-    _, rate = violations(of, state, at_rest=True)
+    _, rate = violations(equations, state, at_rest=True)
     solved = solve(G, -rate)
-    v, W = _by_frames(of, solved.z)
-    for f in range(moving_count(of.system.frames)):
+    v, W = _by_frames(equations, solved.z)
+    for f in range(moving_count(equations.system.frames)):
         state.v[f], state.w[f] = v[f], np.array(matrix(at(state.p, f))).T @ W[f]
     return solved
 
 
-def set_accelerations(of: Equations, state: State, G: np.ndarray, known: Solved) -> Solved:
+def set_accelerations(equations: Equations, state: State, G: np.ndarray, known: Solved) -> Solved:
     """Set the accelerations of ``state``, whose positions and velocities satisfy the equations;
     ``G`` is its ``jacobian``, ``known`` what ``set_velocities`` returned.
     """
-    seen = _moving(of, state)
-    of.rows[:] = 0.0
-    of.call(evaluate.prepare, of.system, seen, of.start)
-    of.call(evaluate.free_acceleration, of.system, seen, of.start, of.Z, of.rows)
-    solved = again(known, G, of.rows.reshape(-1)[of.equation])
-    state.a[:-1], state.alpha[:-1] = _by_frames(of, solved.z)
+    seen = _moving(equations, state)
+    equations.rows[:] = 0.0
+    equations.call(evaluate.prepare, equations.system, seen, equations.start)
+    equations.call(
+        evaluate.free_acceleration,
+        equations.system,
+        seen,
+        equations.start,
+        equations.Z,
+        equations.rows,
+    )
+    solved = again(known, G, equations.rows.reshape(-1)[equations.equation])
+    state.a[:-1], state.alpha[:-1] = _by_frames(equations, solved.z)
     return solved
 
 
-def _by_frames(of: Equations, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _by_frames(equations: Equations, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(f, 3) vectors of translation and of rotation in ``z`` (n,), inertial axes."""
-    flat, frames = np.zeros((node_count(of.system), 3)), of.system.frames
-    flat.reshape(-1)[of.coordinate] = z
+    flat, frames = np.zeros((node_count(equations.system), 3)), equations.system.frames
+    flat.reshape(-1)[equations.coordinate] = z
     moving = slice(moving_count(frames))
     by_length = frames.length[moving, None]
     return flat[frames.displacement[moving]], flat[frames.rotation[moving]] / by_length

@@ -26,7 +26,7 @@ MOVABLE = ("angle", "slide")
 """Coordinates of joints that can have a prescribed motion."""
 
 
-def require_prescribed(model: Model, of: Equations, state: State) -> int:
+def require_prescribed(model: Model, equations: Equations, state: State) -> int:
     """Return the rank of the constraint equations, which determine the positions at every time;
     raises ``StartError`` if they do not.
     """
@@ -41,13 +41,17 @@ def require_prescribed(model: Model, of: Equations, state: State) -> int:
             f"the loads depend on auxiliary states ({listed(states)}), which have to be "
             "integrated; run the deck with msahl run"
         )
-    G, n = jacobian(of, state), of.coordinate.size
+    G, n = jacobian(equations, state), equations.coordinate.size
     solved = solve(G, np.zeros(len(G)))
     if solved.rank < n:
-        raise StartError(_free(model, of, state, G))
-    holonomic = solve(G[of.holonomic], np.zeros(int(of.holonomic.sum()))).rank
+        raise StartError(_free(model, equations, state, G))
+    holonomic = solve(G[equations.holonomic], np.zeros(int(equations.holonomic.sum()))).rank
     if holonomic < n:
-        names = list(dict.fromkeys(_element_names(model, of, of.equation[~of.holonomic])))
+        names = list(
+            dict.fromkeys(
+                _element_names(model, equations, equations.equation[~equations.holonomic])
+            )
+        )
         raise StartError(
             f"{n - holonomic} of the positions follow from rates alone ({listed(names)}), and have "
             "to be integrated; run the deck: msahl run --scheme gauss3"
@@ -55,19 +59,19 @@ def require_prescribed(model: Model, of: Equations, state: State) -> int:
     return n
 
 
-def _free(model: Model, of: Equations, state: State, G: np.ndarray) -> str:
+def _free(model: Model, equations: Equations, state: State, G: np.ndarray) -> str:
     """Return how many degrees of freedom remain, which bodies move, and what to prescribe."""
     _, values, right = np.linalg.svd(G)
     rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
     free = right[rank:]
     count = len(free)
-    bodies = moving_bodies(model, of, np.sqrt((free**2).sum(axis=0)))
+    bodies = moving_bodies(model, equations, np.sqrt((free**2).sum(axis=0)))
     remain = f"{count} degree of freedom remains" if count == 1 else f"{count} degrees of freedom"
     text = (
         f"the motion is not prescribed completely: {remain if count == 1 else remain + ' remain'}; "
         f"{listed(bodies)} can move"
     )
-    proposed = _proposals(model, of, state, free)
+    proposed = _proposals(model, equations, state, free)
     if len(proposed) == count:
         text += f"; prescribe {listed(proposed)} by <jointMotion>, or run the deck with msahl run"
     else:
@@ -77,14 +81,14 @@ def _free(model: Model, of: Equations, state: State, G: np.ndarray) -> str:
     return text
 
 
-def require_compatible(model: Model, of: Equations, state: State) -> None:
+def require_compatible(model: Model, equations: Equations, state: State) -> None:
     """Raise ``StartError`` if motions contradict each other or the joints in their velocities."""
-    _, rate = violations(of, state, at_rest=True)
-    G = jacobian(of, state)
+    _, rate = violations(equations, state, at_rest=True)
+    G = jacobian(equations, state)
     remaining = -rate - G @ solve(G, -rate).z
     largest = float(np.abs(remaining).max(initial=0.0))
     if largest > CONTRADICTION * float(np.abs(rate).max(initial=0.0)):
-        names = loaded_elements(model, of, remaining)
+        names = loaded_elements(model, equations, remaining)
         raise StartError(
             f"the prescribed motions contradict each other or the joints: at t = {state.time[0]:g} "
             f"s, velocities of {largest:.3g} m/s are left over in {listed(names)}; omit a motion, "
@@ -92,12 +96,12 @@ def require_compatible(model: Model, of: Equations, state: State) -> None:
         )
 
 
-def _proposals(model: Model, of: Equations, state: State, free: np.ndarray) -> list[str]:
+def _proposals(model: Model, equations: Equations, state: State, free: np.ndarray) -> list[str]:
     """Coordinates of joints, one for each of the motions ``free`` (d, n), that determine them."""
     joints = [joint for joint in model.joints if coordinates(joint)]
     if not joints:
         return []
-    table = JointTable(model, 2).rows({"states": _states(of, state, free)})[:, 1:]
+    table = JointTable(model, 2).rows({"states": _states(equations, state, free)})[:, 1:]
     taken = {(m.joint, m.coordinate) for m in model.motions if isinstance(m, JointMotion)}
     names, chosen, column = [], [], 0
     for joint in joints:
@@ -120,14 +124,14 @@ def _proposals(model: Model, of: Equations, state: State, free: np.ndarray) -> l
     return [names[order[k]] for k in range(len(pivots)) if pivots[k] > 1e-6]
 
 
-def _states(of: Equations, state: State, motions: np.ndarray) -> np.ndarray:
+def _states(equations: Equations, state: State, motions: np.ndarray) -> np.ndarray:
     """Rows of ``states.csv`` with the velocities of ``motions`` (d, n), at the mass centres."""
-    frames, bodies = of.system.frames, of.system.bodies
+    frames, bodies = equations.system.frames, equations.system.bodies
     width = len(STATE_COLUMNS)
     rows = np.zeros((len(motions), 1 + width * bodies.frame.size))
     for row, motion in zip(rows, motions, strict=True):
-        flat = np.zeros((node_count(of.system), 3))
-        flat.reshape(-1)[of.coordinate] = motion
+        flat = np.zeros((node_count(equations.system), 3))
+        flat.reshape(-1)[equations.coordinate] = motion
         for b, f in enumerate(bodies.frame.tolist()):
             R = np.array(matrix(at(state.p, f)))
             w = R.T @ flat[frames.rotation[f]] / frames.length[f]
@@ -142,26 +146,30 @@ def _states(of: Equations, state: State, motions: np.ndarray) -> np.ndarray:
     return rows
 
 
-def moving_bodies(model: Model, of: Equations, motion: np.ndarray) -> list[str]:
+def moving_bodies(model: Model, equations: Equations, motion: np.ndarray) -> list[str]:
     """Names of the bodies that ``motion`` (n,) displaces or rotates, the largest first."""
-    node, size = of.coordinate // 3, np.zeros(moving_count(of.system.frames))
-    np.add.at(size, of.system.frames.of_node[node], motion**2)
-    return _largest([body.name for body in model.bodies], np.sqrt(size[of.system.bodies.frame]))
+    node, size = equations.coordinate // 3, np.zeros(moving_count(equations.system.frames))
+    np.add.at(size, equations.system.frames.of_node[node], motion**2)
+    return _largest(
+        [body.name for body in model.bodies], np.sqrt(size[equations.system.bodies.frame])
+    )
 
 
-def loaded_elements(model: Model, of: Equations, loads: np.ndarray) -> list[str]:
+def loaded_elements(model: Model, equations: Equations, loads: np.ndarray) -> list[str]:
     """Names of the motions, couplings and joints whose multipliers are in ``loads`` (c,)."""
     sizes = dict[str, float]()
-    for name, load in zip(_element_names(model, of, of.equation), np.abs(loads), strict=True):
+    for name, load in zip(
+        _element_names(model, equations, equations.equation), np.abs(loads), strict=True
+    ):
         sizes[name] = max(sizes.get(name, 0.0), float(load))
     return _largest(list(sizes), np.array(list(sizes.values())))
 
 
-def _element_names(model: Model, of: Equations, equation: np.ndarray) -> list[str]:
+def _element_names(model: Model, equations: Equations, equation: np.ndarray) -> list[str]:
     """Names of the joints, couplings and motions to which equations, by flat numbers, belong."""
     elements = [*model.joints, *model.couplings, *model.motions]
-    nodes = equation // 3 - first_multiplier(of.system.frames)
-    return [elements[int(e)].name for e in of.system.multipliers.element[nodes]]
+    nodes = equation // 3 - first_multiplier(equations.system.frames)
+    return [elements[int(e)].name for e in equations.system.multipliers.element[nodes]]
 
 
 def _largest(names: list[str], sizes: np.ndarray) -> list[str]:

@@ -52,13 +52,13 @@ class ErrorBars:
     speed: float = 0.0  # largest V [m/s]
     largest: float = 0.0  # largest A [m/s^2]
 
-    def add(self, of: Equations, instant: Instant, length: float) -> None:
+    def add(self, equations: Equations, instant: Instant, length: float) -> None:
         """Take an ``instant`` into account; ``length`` [m] is the smallest of a body."""
         sigma, norm = max(instant.sigma, 1e-300), float(instant.solved.values[0])
-        state, lengths = instant.state, of.system.frames.length[:, None]
+        state, lengths = instant.state, equations.system.frames.length[:, None]
         V = max(_largest(state.v), _largest(lengths * state.w))
         A = max(_largest(state.a), _largest(lengths * state.alpha))
-        q = EPSILON * of.size / sigma
+        q = EPSILON * equations.size / sigma
         relative = EPSILON * norm + q / length
         v = V * relative / sigma
         a = (A * relative + 2.0 * V * v / length + V * V * q / length**2) / sigma
@@ -115,10 +115,10 @@ def prepare(model: Model) -> Prepared:
         )
     # Velocities of the deck at t = 0 do not count: all follow from the motions.
     point = at_start(replace(model, velocity="asGiven"))
-    of = new_equations(point.system, point.state)
-    rank = require_prescribed(model, of, point.state)
-    require_compatible(model, of, point.state)
-    return Prepared(model, point, of, rank)
+    equations = new_equations(point.system, point.state)
+    rank = require_prescribed(model, equations, point.state)
+    require_compatible(model, equations, point.state)
+    return Prepared(model, point, equations, rank)
 
 
 def follow(
@@ -132,16 +132,18 @@ def follow(
     Raises ``StartError`` if the positions at t = 0 are singular. A motion that cannot be followed
     to the last time is not ``complete``.
     """
-    point, of = prepared.point, prepared.equations
+    point, equations = prepared.point, prepared.equations
     if len(times) * len(prepared.model.bodies) >= MANY:
-        of = new_equations(point.system, point.state, lambda k, *given: compiled_once(k)(*given))
-    found = Motion(point, of, redundant=of.equation.size - prepared.rank)
+        equations = new_equations(
+            point.system, point.state, lambda k, *given: compiled_once(k)(*given)
+        )
+    found = Motion(point, equations, redundant=equations.equation.size - prepared.rank)
     try:
-        follower = Follower(of, point.state, prepared.rank, float(times[-1]))
+        follower = Follower(equations, point.state, prepared.rank, float(times[-1]))
     except LostError as error:
         raise StartError(f"{error} at t = 0: look for motions that contradict each other") from None
     _require_regular(follower.last)
-    recorder = Recorder(prepared.model, of, point.unknowns, sink)
+    recorder = Recorder(prepared.model, equations, point.unknowns, sink)
     try:
         _record_all(found, follower, recorder, [float(t) for t in times], progress)
         found.complete = True

@@ -41,10 +41,10 @@ class Recorder:
     are not unique, by the numbers of joints, couplings and motions.
     """
 
-    def __init__(self, model: Model, of: Equations, unknowns: Unknowns, sink: Sink) -> None:
-        """``of`` calls kernels in its own manner: plain, or compiled for many rows."""
-        self.sink, self.unknowns, self.call = sink, unknowns, of.call
-        system, state = of.system, copied(of.seen)
+    def __init__(self, model: Model, equations: Equations, unknowns: Unknowns, sink: Sink) -> None:
+        """``equations`` calls kernels in its own manner: plain, or compiled for many rows."""
+        self.sink, self.unknowns, self.call = sink, unknowns, equations.call
+        system, state = equations.system, copied(equations.seen)
         widths = column_counts(model)
         self.widths = {name: width for name, width in widths.items() if width}
         self.rows = max(1, min(MOST_ROWS, CHUNK_NUMBERS // sum(widths.values())))

@@ -33,9 +33,9 @@ MOST_SINGULAR = 20
 
 def describe(found: Motion, position: Singular) -> str:
     """Return a singular position in words."""
-    model, of = found.point.model, found.equations
-    bodies = listed(moving_bodies(model, of, position.motion))
-    elements = loaded_elements(model, of, position.loads)
+    model, equations = found.point.model, found.equations
+    bodies = listed(moving_bodies(model, equations, position.motion))
+    elements = loaded_elements(model, equations, position.loads)
     motions = [m.name for m in model.motions if m.name in elements]
     others = [name for name in elements if name not in motions]
     cause = f"the motion of {listed(motions)} with " if motions else ""
@@ -128,8 +128,8 @@ def _singular_positions(found: Motion) -> Finding:
 
 def report_of(found: Motion, end: float) -> Report:
     """Return the report on a motion, as ``run.json`` has it."""
-    model, of = found.point.model, found.equations
-    n, c = of.coordinate.size, of.equation.size
+    model, equations = found.point.model, found.equations
+    n, c = equations.coordinate.size, equations.equation.size
     return Report(
         status=COMPLETED if found.complete else NOT_CONVERGED,
         message=message_of(found, end),
@@ -154,7 +154,7 @@ def report_of(found: Motion, end: float) -> Report:
 
 def kinematics_as_json(found: Motion) -> dict[str, Any]:
     """Return what ``run.json`` has under ``kinematics``."""
-    model, of = found.point.model, found.equations
+    model, equations = found.point.model, found.equations
     return {
         "errorBars": {
             "position": found.errors.position,
@@ -170,8 +170,8 @@ def kinematics_as_json(found: Motion) -> dict[str, Any]:
                 "time": s.time,
                 "uncertainty": s.uncertainty,
                 "limit": s.limit,
-                "bodies": moving_bodies(model, of, s.motion),
-                "elements": loaded_elements(model, of, s.loads),
+                "bodies": moving_bodies(model, equations, s.motion),
+                "elements": loaded_elements(model, equations, s.loads),
             }
             for s in found.singular
         ],

@@ -57,7 +57,7 @@ def _difference(
             measured += sign * weight / share * _accelerations(point, found, other)
     # The motion itself has accelerations of the size of its rates squared by a length.
     present = (expected, measured, size * found.acceleration)
-    largest = max(float(np.abs(lengths * of).max()) for of in present)
+    largest = max(float(np.abs(lengths * array).max()) for array in present)
     apart = float(np.abs(lengths * (measured - expected)).max())
     return apart / max(largest, typical * size**2)
 
@@ -68,8 +68,8 @@ def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarra
     place, rate = np.zeros((2, node_count(system), 3))
     place.reshape(-1)[found.coordinate] = changes.places[:, :m] @ y
     rate.reshape(-1)[found.coordinate] = changes.rates[:, :m] @ y
-    own = {name: getattr(state, name).copy() for name in ("force", "a", "alpha", "reaction")}
-    moved = close(system, move(system, state._replace(**own), place), point.unknowns)
+    saved = {name: getattr(state, name).copy() for name in ("force", "a", "alpha", "reaction")}
+    moved = close(system, move(system, state._replace(**saved), place), point.unknowns)
     v, w = state.v.copy(), moved.w.copy()
     for f in range(moving_count(system.frames)):
         v[f] += rate[system.frames.displacement[f]]

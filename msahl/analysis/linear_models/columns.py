@@ -141,7 +141,9 @@ class Columns:
         sides = rows[1:].reshape(k, 4, 2, len(value))
         odd = (sides[:, :, 0] - sides[:, :, 1]) / steps[:, None, None]
         eighth, sixth = (np.einsum("kio,i->ok", odd, np.array(w)) for w in (EIGHTH, SIXTH))
-        size = max(*(float(np.abs(of).max(initial=0.0)) for of in (eighth, rows)), NOTHING)
+        size = max(
+            *(float(np.abs(table_rows).max(initial=0.0)) for table_rows in (eighth, rows)), NOTHING
+        )
         error = np.abs(eighth - sixth).max(axis=1, initial=0.0) / size
         return {
             name: Column(float(value[o]), eighth[o], float(error[o]))
@@ -193,21 +195,21 @@ class Columns:
         point, group = self.point, self.point.system.forces.signals
         if group is None:
             return {}
-        own = self.found.start.forces.signals
+        signals_start = self.found.start.forces.signals
         names = signal_columns(point.model)[1:]
         table: dict[str, Column] = {}
         for k, name in enumerate(names[: group.shown.size]):
             place = int(group.shown[k])
-            value = float(own.values.value[place])
+            value = float(signals_start.values.value[place])
             slope = self._along(*expression_slopes(point.system, self.found, place))
             if len(self.changes.shown):
                 slope = slope + self.changes.shown[k]
             table[name] = Column(value, slope + self.fed.get(name, 0.0))
         actuators = [load for load in point.model.loads if isinstance(load, Actuator)]
         for load in actuators:
-            rate, of = self.table(RATES)[load.name], table[f"{load.name}.{LOAD_COLUMN}"]
-            slope = of.value * rate.slope + of.slope * rate.value
-            table[f"{load.name}.{POWER_COLUMN}"] = Column(of.value * rate.value, slope)
+            rate, column = self.table(RATES)[load.name], table[f"{load.name}.{LOAD_COLUMN}"]
+            slope = column.value * rate.slope + column.slope * rate.value
+            table[f"{load.name}.{POWER_COLUMN}"] = Column(column.value * rate.value, slope)
         return table
 
     def _along(self, by_place: np.ndarray, by_rate: np.ndarray, by_state: np.ndarray) -> np.ndarray:
@@ -295,12 +297,12 @@ def displaced_motions(point: Point, changes: Variations, shares: np.ndarray) -> 
     share = np.concatenate([[0.0], shares[1:].T.reshape(-1)])[:, None, None]
     column = np.concatenate([[0], np.repeat(np.arange(shares.shape[1]), len(SIDES))])
 
-    def part(of: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    def part(array: np.ndarray, nodes: np.ndarray) -> np.ndarray:
         """(1 + 8 k, b, 3) the changes of three coordinates of each body."""
-        if not of.shape[1]:
+        if not array.shape[1]:
             return np.zeros((1, len(frame), 3))
         rows = numbers[3 * nodes[frame][:, None] + np.arange(3)]
-        return np.asarray(share * np.moveaxis(of[rows][..., column], -1, 0))
+        return np.asarray(share * np.moveaxis(array[rows][..., column], -1, 0))
 
     u, theta = system.frames.displacement, system.frames.rotation
     Q = part(changes.places, theta)

@@ -90,7 +90,7 @@ def with_signals(point: Point, names: Sequence[str]) -> Point:
 
 def _is_element(model: Model, name: str) -> bool:
     """Return whether a load or motion has this name, which then is meant."""
-    return any(of.name == name for of in (*_input_loads(model), *model.motions))
+    return any(element.name == name for element in (*_input_loads(model), *model.motions))
 
 
 def _input_loads(model: Model) -> list[Actuator | ConcentratedLoad]:
@@ -167,7 +167,7 @@ class _Maker:
 
     def actuator(self, name: str, load: Actuator) -> Input:
         """An input that is added to the load of an actuator."""
-        r = [of for of in self.point.model.loads if isinstance(of, Actuator)].index(load)
+        r = [other for other in self.point.model.loads if isinstance(other, Actuator)].index(load)
         at_coordinates = self.found.coordinate
         row = result_row(self.system, self.found.start, r)
         force = (row * self.found.force_scale)[at_coordinates]
@@ -183,9 +183,9 @@ class _Maker:
     def load(self, name: str, load: ConcentratedLoad) -> Input:
         """An input that is added to the factor of a concentrated load."""
         forces, model = self.system.forces, self.point.model
-        concentrated = [of for of in model.loads if isinstance(of, ConcentratedLoad)]
+        concentrated = [other for other in model.loads if isinstance(other, ConcentratedLoad)]
         by_expression = load.expression is not None
-        alike = [of for of in concentrated if (of.expression is not None) == by_expression]
+        alike = [other for other in concentrated if (other.expression is not None) == by_expression]
         k, value = alike.index(load), 1.0
         group = forces.controlled.loads if by_expression and forces.controlled else None
         group = group or forces.concentrated
@@ -248,21 +248,21 @@ class _Maker:
         from msahl.model import Joint
 
         assert isinstance(joint, Joint)
-        of, force = geometry(joint), np.zeros(self.n)
-        which = of.names.index(coordinate)
+        shape, force = geometry(joint), np.zeros(self.n)
+        which = shape.names.index(coordinate)
         bodies = [self.bodies[joint.parent], self.bodies[joint.child]]
         for side, b in enumerate(bodies):
             if b < 0:
                 continue
-            both = [self._moved(other, 6, own=i == side) for i, other in enumerate(bodies)]
-            rates = values_and_rates(of, relative(of, both[0], both[1]))[1][:, which]
+            both = [self._moved(other, 6, own_axes=i == side) for i, other in enumerate(bodies)]
+            rates = values_and_rates(shape, relative(shape, both[0], both[1]))[1][:, which]
             force += self._at_frame(int(self.system.bodies.frame[b]), rates[:3], rates[3:])
         unit = "N m" if is_angle(coordinate) else "N"
         return Input(name, unit, 0.0, force, np.zeros(self.s))
 
-    def _moved(self, b: int, m: int, own: bool) -> Motion:
+    def _moved(self, b: int, m: int, own_axes: bool) -> Motion:
         """Body ``b`` with, in m = 6 rows, a unit of each velocity and angular velocity of its mass
-        centre if they are its ``own``, else at rest; -1 is the ground.
+        centre if they are its ``own_axes``, else at rest; -1 is the ground.
         """
         v, w = np.zeros((2, m, 3))
         if b < 0:
@@ -271,7 +271,7 @@ class _Maker:
         f = int(self.system.bodies.frame[b])
         R = np.array(matrix(at(self.state.p, f)))
         arm = -R @ self.system.bodies.r_BG[b]
-        if own:
+        if own_axes:
             v[:3] = w[3:] = np.eye(3)
         v = v + cross(w, np.broadcast_to(arm, w.shape))
         x = np.broadcast_to(self.state.x[f] + arm, (m, 3))

@@ -68,12 +68,12 @@ def linearize(
     """
     _check(point, inputs, outputs, states)
     point = with_signals(point, inputs)
-    own = evaluated(point.system, point.state)
-    found = coefficients(point.system, point.state, own)
-    resolved = resolve_inputs(point, own, inputs)
-    changes = variations(point, own, found, _acting(resolved, found))
+    here = evaluated(point.system, point.state)
+    found = coefficients(point.system, point.state, here)
+    resolved = resolve_inputs(point, here, inputs)
+    changes = variations(point, here, found, _acting(resolved, found))
     place = _input_columns(point, resolved, changes)
-    columns = Columns(point, own, changes, _fed(resolved, place, changes))
+    columns = Columns(point, here, changes, _fed(resolved, place, changes))
     balance = equilibrium(point, found)
     chosen = _states(columns, states, balance)
     chosen = with_others(chosen, point.model, changes, _others(point, resolved, changes, found))
@@ -240,17 +240,17 @@ def _matrices(
     """Return A, B, C, D of the ``chosen`` states, of the inputs in the columns ``place`` and of the
     outputs ``shown``, and the condition of the states.
     """
-    own = chosen.own
+    columns = chosen.own
     slopes = np.array([column.slope for column in shown]).reshape(len(shown), len(chosen.slope.T))
-    Z = chosen.slope[:, own]
+    Z = chosen.slope[:, columns]
     # Rows of a length of 1, so that the condition does not depend on units.
     size = np.linalg.norm(Z, axis=1)
     condition = float(np.linalg.cond(Z / size[:, None])) if len(Z) else 1.0
     inverse = np.linalg.inv(Z)
-    A, B = chosen.rate_slope[:, own] @ inverse, chosen.rate_slope[:, place]
+    A, B = chosen.rate_slope[:, columns] @ inverse, chosen.rate_slope[:, place]
     for i, j in _rates_among(chosen.names):
         A[i], A[i, j], B[i] = 0.0, 1.0, 0.0  # to the last digit
-    return A, B, slopes[:, own] @ inverse, slopes[:, place], condition
+    return A, B, slopes[:, columns] @ inverse, slopes[:, place], condition
 
 
 def _rates_among(names: list[str]) -> list[tuple[int, int]]:

@@ -59,17 +59,17 @@ class LinearModel:
     @property
     def state_names(self) -> list[str]:
         """Names of the states."""
-        return [of.name for of in self.states]
+        return [state.name for state in self.states]
 
     @property
     def input_names(self) -> list[str]:
         """Names of the inputs."""
-        return [of.name for of in self.inputs]
+        return [variable.name for variable in self.inputs]
 
     @property
     def output_names(self) -> list[str]:
         """Names of the outputs."""
-        return [of.name for of in self.outputs]
+        return [variable.name for variable in self.outputs]
 
     @property
     def poles(self) -> np.ndarray:
@@ -101,9 +101,9 @@ class LinearModel:
         found: dict[str, Any] = {name: getattr(self, name) for name in "ABCD"}
         for kind in KINDS:
             each: tuple[Quantity, ...] = getattr(self, f"{kind}s")
-            found[f"{kind}Names"] = [of.name for of in each]
-            found[f"{kind}Units"] = [of.unit for of in each]
-            found[f"{kind}Values"] = np.array([of.value for of in each])
+            found[f"{kind}Names"] = [variable.name for variable in each]
+            found[f"{kind}Units"] = [variable.unit for variable in each]
+            found[f"{kind}Values"] = np.array([variable.value for variable in each])
         found["stateRates"] = self.rates
         found |= {"title": self.title, "time": self.time, "states": self.chosen}
         return found | {

@@ -30,7 +30,10 @@ def report(model: LinearModel) -> list[str]:
 
 def _table(kind: str, each: tuple[Quantity, ...]) -> list[str]:
     """Lines of names with their values at the point."""
-    lines = [f"{kind:>6}  {of.name} = {of.value:.9g} {of.unit}" for of in each[:MOST]]
+    lines = [
+        f"{kind:>6}  {variable.name} = {variable.value:.9g} {variable.unit}"
+        for variable in each[:MOST]
+    ]
     return lines + ([f"        and {len(each) - MOST} more"] if len(each) > MOST else [])
 
 

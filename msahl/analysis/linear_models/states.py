@@ -173,15 +173,15 @@ def with_others(states: States, model: Model, changes: Variations, found: "Other
     k, s, total = changes.places.shape[1], found.states.size, len(changes.states)
     names = [s.name for s in model.signals if isinstance(s, SignalState)][:s]
     moved = range(d + r + total, changes.inputs)
-    own = np.zeros((s, k))
-    own[np.arange(s), d + r + np.arange(s)] = 1.0
+    columns = np.zeros((s, k))
+    columns[np.arange(s), d + r + np.arange(s)] = 1.0
     motions = [f"{motion}.motion{level}" for level in LEVELS[:2] for motion in found.names]
     return States(
         [*states.names, *names, *motions],
         [*states.units, *["SI"] * s, *found.units, *(f"{unit}/s" for unit in found.units)],
         np.concatenate([states.value, found.states, found.laws[0], found.laws[1]]),
         np.concatenate([states.rate, found.state_rates, found.laws[1], found.laws[2]]),
-        np.concatenate([states.slope, own, changes.motion.u, changes.motion.u_dot]),
+        np.concatenate([states.slope, columns, changes.motion.u, changes.motion.u_dot]),
         np.concatenate(
             [states.rate_slope, changes.state_rates[:s], changes.motion.u_dot, found.driven]
         ),

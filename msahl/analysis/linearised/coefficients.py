@@ -110,16 +110,16 @@ def differentiate(
     """Set the right-hand side of the index-1 problem, and add derivatives of the forces and of
     equations between rates to ``out``, those of constraint forces and equations to ``work``.
     """
-    group, own, frames = system.scalar, start.scalar, system.frames
+    group, scalar_start, frames = system.scalar, start.scalar, system.frames
     evaluate.prepare(system, state, start)
-    scalar.count_rotations(group, own, state.angle)
+    scalar.count_rotations(group, scalar_start, state.angle)
     instant.set_strains(system.beams, start.beams)
     evaluate.free_acceleration(system, state, start, out.still, work.rows)
     evaluate.add_force_derivatives(system, state, start, out)
-    scalar.add_rate_derivatives(group, own, frames, start.frames, out)
-    scalar.add_constraint_forces(group, own, frames, work.at_rest, work.unused)
+    scalar.add_rate_derivatives(group, scalar_start, frames, start.frames, out)
+    scalar.add_constraint_forces(group, scalar_start, frames, work.at_rest, work.unused)
     coincide.add_derivatives(system.coincide, start.coincide, frames, work.at_rest, work.constraint)
-    scalar.add_constraint_derivatives(group, own, frames, work.at_rest, work.constraint)
+    scalar.add_constraint_derivatives(group, scalar_start, frames, work.at_rest, work.constraint)
     beams.add_derivatives(
         system.beams,
         start.beams,
@@ -366,7 +366,7 @@ def _auxiliary(system: System, found: Evaluated) -> tuple[np.ndarray, ...]:
     """Derivatives of forces by the auxiliary states, of the states' rates by places, rates and
     states, and these rates.
     """
-    group, own = system.forces.signals, found.start.forces.signals
+    group, signals_start = system.forces.signals, found.start.forces.signals
     n, s = found.coordinate.size, 0 if group is None else group.rate.size
     by_state, by_place, by_rate = np.zeros((n, s)), np.zeros((s, n)), np.zeros((s, n))
     by_states, rate = np.zeros((s, s)), np.zeros(s)
@@ -375,13 +375,13 @@ def _auxiliary(system: System, found: Evaluated) -> tuple[np.ndarray, ...]:
     first = group.kind.size
     forces_by_state = np.zeros((3 * node_count(system), s))
     for r in range(group.result.size):
-        gradient(group.tape, own.values, group.result[r])
-        slopes = np.array([by_input(group.tape, own.values, first + k) for k in range(s)])
+        gradient(group.tape, signals_start.values, group.result[r])
+        slopes = np.array([by_input(group.tape, signals_start.values, first + k) for k in range(s)])
         if slopes.any():
             row = result_row(system, found.start, r)
             forces_by_state += np.outer(row, slopes)
     for k in range(s):
-        rate[k] = own.values.value[group.rate[k]]
+        rate[k] = signals_start.values.value[group.rate[k]]
         by_place[k], by_rate[k], by_states[k] = expression_slopes(system, found, int(group.rate[k]))
     at = found.coordinate
     return found.force_scale[at, None] * forces_by_state[at], by_place, by_rate, by_states, rate
@@ -389,17 +389,17 @@ def _auxiliary(system: System, found: Evaluated) -> tuple[np.ndarray, ...]:
 
 def result_row(system: System, start: SystemWorkspace, r: int) -> np.ndarray:
     """(3 nodes,) what a unit of result ``r`` of the signals adds to the equations by mass."""
-    group, own = system.forces.signals, start.forces.signals
+    group, signals_start = system.forces.signals, start.forces.signals
     assert group is not None
-    own.row[:] = 0.0
+    signals_start.row[:] = 0.0
     forces.set_result_row(
-        system.forces, start.forces, system.scalar, system.frames, 1.0, r, own.row
+        system.forces, start.forces, system.scalar, system.frames, 1.0, r, signals_start.row
     )
     rows = np.zeros((node_count(system), 3))
     for part, f in enumerate(group.acting[r].tolist()):
         if 0 <= f < moving_count(system.frames):
             nodes = system.frames.rotation if part % 2 else system.frames.displacement
-            rows[nodes[f]] += own.row[part]
+            rows[nodes[f]] += signals_start.row[part]
     return rows.reshape(-1)
 
 
@@ -409,20 +409,23 @@ def expression_slopes(
     """Derivatives of the expression at a ``place`` on the tape: (n,) by places, (n,) by rates and
     (s,) by states.
     """
-    group, own = system.forces.signals, found.start.forces.signals
+    group, signals_start = system.forces.signals, found.start.forces.signals
     assert group is not None
     flat = np.zeros((2, node_count(system), 3))
-    gradient(group.tape, own.values, place)
+    gradient(group.tape, signals_start.values, place)
     for j in range(group.kind.size):
-        slope = by_input(group.tape, own.values, j)
+        slope = by_input(group.tape, signals_start.values, j)
         for part in range(4 if slope != 0.0 else 0):
             f = inputs.frame_of_part(group, system.scalar, j, part)
             if 0 <= f < moving_count(system.frames):
                 node = (system.frames.rotation if part % 2 else system.frames.displacement)[f]
-                flat[0, node] += slope * own.by_place[j, part]
-                flat[1, node] += slope * own.by_rate[j, part]
+                flat[0, node] += slope * signals_start.by_place[j, part]
+                flat[1, node] += slope * signals_start.by_rate[j, part]
     states = np.array(
-        [by_input(group.tape, own.values, group.kind.size + k) for k in range(group.rate.size)]
+        [
+            by_input(group.tape, signals_start.values, group.kind.size + k)
+            for k in range(group.rate.size)
+        ]
     )
     scaled = (flat.reshape(2, -1) * found.place_scale)[:, found.coordinate]
     return scaled[0], scaled[1], states

@@ -143,7 +143,7 @@ def _by_multipliers(point: Point, joints: np.ndarray) -> np.ndarray:
     for c, place in enumerate(places.tolist()):
         force = np.zeros_like(point.state.force)
         force.reshape(-1)[place] = 1.0
-        own = point.state._replace(force=force, reaction=np.zeros_like(point.state.reaction))
-        evaluate.set_reactions(system, own, start, Z)
-        by_multiplier[:, c] = own.reaction[joints].reshape(-1)
+        changed = point.state._replace(force=force, reaction=np.zeros_like(point.state.reaction))
+        evaluate.set_reactions(system, changed, start, Z)
+        by_multiplier[:, c] = changed.reaction[joints].reshape(-1)
     return by_multiplier

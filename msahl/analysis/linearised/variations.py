@@ -107,8 +107,10 @@ class Variations(NamedTuple):
         )
 
 
-def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs) -> Variations:
-    """Return the changes of the motion at a ``point``, whose derivatives are ``own`` and
+def variations(
+    point: Point, evaluated: Evaluated, found: Coefficients, inputs: Inputs
+) -> Variations:
+    """Return the changes of the motion at a ``point``, whose derivatives are ``evaluated`` and
     ``found``, by its states and by ``inputs``. Raises ``StartError`` if a prescribed motion cannot
     change alone.
     """
@@ -134,7 +136,7 @@ def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs
     state_rates[:, given] += inputs.state_rate
     G_dot, B_dot = constraint_trends(point, found, B)
     right = prescribed @ motion.u_ddot - G_dot @ rates - B_dot @ places - B @ place_rates
-    reacting = feedback(point, own, places)
+    reacting = feedback(point, evaluated, places)
     accelerations, multipliers = solve.accelerations(forces, right, reacting)
     shown = np.zeros((0, k))
     if reacting is not None:

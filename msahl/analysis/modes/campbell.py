@@ -286,10 +286,17 @@ def campbell_rows(found: Campbell) -> np.ndarray:
     for spectrum, mode in zip(found.followed.spectra, found.followed.mode, strict=True):
         if spectrum.value not in asked:
             continue
-        of = spectrum.modes
+        modes = spectrum.modes
         for i in np.flatnonzero(mode >= 0)[np.argsort(mode[mode >= 0])]:
-            polar = (of.frequency[i], of.damping[i], np.nan_to_num(of.condition[i]), of.error[i])
-            rows.append((spectrum.value, mode[i] + 1, of.value[i].real, of.value[i].imag, *polar))
+            polar = (
+                modes.frequency[i],
+                modes.damping[i],
+                np.nan_to_num(modes.condition[i]),
+                modes.error[i],
+            )
+            rows.append(
+                (spectrum.value, mode[i] + 1, modes.value[i].real, modes.value[i].imag, *polar)
+            )
     return np.array(rows, dtype=float).reshape(-1, len(COLUMNS))
 
 

@@ -164,10 +164,10 @@ def _complete_vectors(
     if not zeros:
         return inner
     N, X = basis[:, :zeros], basis[:, zeros:]
-    own, across = N.T @ A @ N, N.T @ A @ X
+    along, across = N.T @ A @ N, N.T @ A @ X
     outer = np.empty((zeros, value.size), dtype=complex)
     for m, eigenvalue in enumerate(value):
         outer[:, m] = np.linalg.solve(
-            eigenvalue * np.eye(zeros) - np.triu(own, 1), across @ inner[:, m]
+            eigenvalue * np.eye(zeros) - np.triu(along, 1), across @ inner[:, m]
         )
     return N @ outer + X @ inner

@@ -91,10 +91,10 @@ def modes(
         state = equilibrium(point, found)
     large = is_large(point)
     if method == SPARSE or (method == AUTO and (large or _is_stiff(point))):
-        of = pencil(found, state.axes)
-        if is_worthwhile(of, number or FEW):
+        matrices = pencil(found, state.axes)
+        if is_worthwhile(matrices, number or FEW):
             try:
-                return _sparse(point, found, state, of, (number or FEW, frequency))
+                return _sparse(point, found, state, matrices, (number or FEW, frequency))
             except StartError:
                 if method == SPARSE or large:
                     raise
@@ -134,13 +134,13 @@ def _sparse(
     point: Point,
     found: Coefficients,
     state: Equilibrium,
-    of: Pencil,
+    pencil: Pencil,
     wanted: tuple[int, float],
 ) -> Modes:
     """Modes of a large model, ``wanted`` by their number and the frequency nearby."""
     number, frequency = wanted
     try:
-        result = nearest(of, number, frequency)
+        result = nearest(pencil, number, frequency)
     except NotFoundError:
         where = f"{frequency:.9g} Hz" if frequency else "zero"
         raise StartError(
@@ -157,8 +157,8 @@ def _sparse(
         shape=np.zeros((0, 0, 0)),
         states=result.states.T,
         equilibrium=state,
-        degrees_of_freedom=of.coordinates - of.independent,
-        redundant=of.redundant,
+        degrees_of_freedom=pencil.coordinates - pencil.independent,
+        redundant=pencil.redundant,
         warnings=[*warnings(point, state), *_omitted(point)],
     )
     places, states = _normalised(found, result.places, result.states)

@@ -194,12 +194,12 @@ def accept(
     for g in range(group.element.size):
         column = group.column[group.beam[g]]
         if column >= 0:
-            lost = 0.0
+            dissipated = 0.0
             for i in range(COMPONENTS):
                 for j in range(COMPONENTS):
                     lag = group.damping[g, j] * start.change[g, j] / h
-                    lost += start.change[g, i] * group.stiffness[g, i, j] * lag
-            work[column] -= group.weight[g] * lost
+                    dissipated += start.change[g, i] * group.stiffness[g, i, j] * lag
+            work[column] -= group.weight[g] * dissipated
         for i in range(COMPONENTS):
             strain[g, i] += start.change[g, i]
 

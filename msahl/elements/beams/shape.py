@@ -96,11 +96,11 @@ def strains(
     r and d_i are the polynomials through their values at the nodes. Both are invariant to rigid
     motions exactly. The unstressed beam's are to be subtracted.
     """
-    of = shape(degree)
+    element = shape(degree)
     nodes = elements_of(degree, positions.shape[-2])
-    slopes = 2.0 * of.slopes / np.asarray(lengths)[:, None, None]
+    slopes = 2.0 * element.slopes / np.asarray(lengths)[:, None, None]
     r = np.einsum("ega,...eai->...egi", slopes, positions[..., nodes, :])
-    d = np.einsum("ga,...eaij->...egij", of.values, axes[..., nodes, :, :])
+    d = np.einsum("ga,...eaij->...egij", element.values, axes[..., nodes, :, :])
     d_slope = np.einsum("ega,...eaij->...egij", slopes, axes[..., nodes, :, :])
     stretch = np.einsum("...egij,...egi->...egj", d, r)
     stretch[..., 0] += 0.5 * (1.0 - (d[..., 0] ** 2).sum(axis=-1))

@@ -49,8 +49,8 @@ class Motion:
         states = states.iloc[:: max(1, len(states) // SAMPLES)]
         names = [body["name"] for body in scene["bodies"]]
         vectors = [
-            np.stack([states[[f"{n}.{c}" for c in of]].to_numpy() for n in names], axis=1)
-            for of in (("x", "y", "z"), ("P1", "P2", "P3"))
+            np.stack([states[[f"{n}.{c}" for c in columns]].to_numpy() for n in names], axis=1)
+            for columns in (("x", "y", "z"), ("P1", "P2", "P3"))
         ]
         # One body may be small beside its path: it is a dot then.
         travelled = np.linalg.norm((vectors[0] - vectors[0][0]).mean(axis=1), axis=1)

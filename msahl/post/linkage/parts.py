@@ -21,7 +21,7 @@ NEAR = 1e-6
 ROD = 0.75
 """A body with one joint is a rod if the joint is at least so far from the mass centre, relative to
 the distance from there to the surface."""
-BEYOND = 1.15
+OVERHANG = 1.15
 """Distance of a mass centre from the middle of the body's points from which it is drawn, relative
 to the largest such distance of these points."""
 
@@ -159,7 +159,7 @@ def _add_overhang(parts: Parts, centre: np.ndarray) -> None:
     middle = parts.places.mean(axis=0)
     if (
         np.linalg.norm(centre - middle)
-        > BEYOND * np.linalg.norm(parts.places - middle, axis=1).max()
+        > OVERHANG * np.linalg.norm(parts.places - middle, axis=1).max()
     ):
         parts.lines.append(np.array([parts.places[apart.argmin()], centre]))
         parts.dots.append(centre)

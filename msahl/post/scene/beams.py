@@ -33,7 +33,7 @@ def _entry(
 ) -> Entry:
     nodes = [body[name] for name in beam.nodes]
     outlines = outlines_of(beam, looks)
-    of = shape(beam.degree)
+    element = shape(beam.degree)
     places = np.linspace(-1.0, 1.0, RINGS * beam.degree + 1)
     return {
         "name": beam.name,
@@ -42,10 +42,10 @@ def _entry(
         "degree": beam.degree,
         "lengths": floats(beam.lengths),
         "outlines": [floats(outline.ravel()) for outline in outlines],
-        "rings": [floats(row) for row in interpolation(of.nodes, places)[0]],
-        "values": [floats(row) for row in of.values],
-        "slopes": [floats(row) for row in of.slopes],
-        "fromPoints": [floats(row) for row in interpolation(of.points, places)[0]],
+        "rings": [floats(row) for row in interpolation(element.nodes, places)[0]],
+        "values": [floats(row) for row in element.values],
+        "slopes": [floats(row) for row in element.slopes],
+        "fromPoints": [floats(row) for row in interpolation(element.points, places)[0]],
         "strain": [floats(row) for row in beam.strain],
         "stiffness": [floats(stiffness_of(np.array(C)).ravel()) for C in beam.compliance],
     }

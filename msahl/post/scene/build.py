@@ -73,7 +73,7 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
         size = max(2.0 * float(half_box(equivalent_solid(b)).max()) for b in model.bodies)
     given, errors = given_shapes(model, folders)
     shapes = derived_shapes(model, joints, poses, size)
-    shapes |= {body[name]: own for name, own in given.items()}
+    shapes |= {body[name]: given_here for name, given_here in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
     corner = np.concatenate(around)
     beam_of = node_beams(model)

@@ -147,13 +147,13 @@ def _is_geometric(values: np.ndarray) -> bool:
 
 def _mark(axes: Axes, sweep: SweepRuns, measure: Measured, x: np.ndarray) -> None:
     """Mark failed points at the lower edge, and give those with the verdict FAIL a red rim."""
-    lost = ~np.isfinite(measure.values)
-    if lost.any():
+    missing = ~np.isfinite(measure.values)
+    if missing.any():
         axes.plot(
-            x[lost], np.zeros(int(lost.sum())), "x", color=FAILED, ms=6, clip_on=False,
+            x[missing], np.zeros(int(missing.sum())), "x", color=FAILED, ms=6, clip_on=False,
             transform=axes.get_xaxis_transform(), label="_failed", zorder=10,
         )  # fmt: skip
-    bad = sweep.bad & ~lost
+    bad = sweep.bad & ~missing
     if bad.any():
         axes.plot(
             x[bad], measure.values[bad], "o", mfc="none", mec=FAILED, ms=8, label="_bad", zorder=9
@@ -200,8 +200,8 @@ def _map(
     axes.grid(visible=False)
     x, y = (_sorted_values(p) for p in both)
     mesh = axes.pcolormesh(_edges(x), _edges(y), table, cmap="viridis", rasterized=True)
-    lost = np.argwhere(~np.isfinite(table))
-    axes.plot(x[lost[:, 1]], y[lost[:, 0]], "x", color=FAILED, ms=6)
+    without_value = np.argwhere(~np.isfinite(table))
+    axes.plot(x[without_value[:, 1]], y[without_value[:, 0]], "x", color=FAILED, ms=6)
     for scale, values in ((axes.set_xscale, x), (axes.set_yscale, y)):
         if _is_geometric(values):
             scale("log")
@@ -283,7 +283,9 @@ def _scatter_matrix(sweep: SweepRuns, measures: Sequence[Measured]) -> Picture:
     left = MOST_VARIABLES - len(columns)
     columns += [(m.label, m.values, []) for m in measures[:left]]
     n, k = len(columns), len(sweep.varied)
-    lost = ~np.isfinite(np.array([m.values for m in measures])).all(axis=0) if measures else None
+    without_value = (
+        ~np.isfinite(np.array([m.values for m in measures])).all(axis=0) if measures else None
+    )
     failed = int((~sweep.completed).sum())
     note = f"{sweep.count} points" + (f", {failed} of them failed (crosses)" if failed else "")
     size = max(6.0, 1.7 * n)
@@ -298,8 +300,8 @@ def _scatter_matrix(sweep: SweepRuns, measures: Sequence[Measured]) -> Picture:
             axes.set_yticks([])
         else:
             axes.plot(x, y, ".", ms=3 if sweep.count < 1000 else 1.5, color=COLOURS[0], mew=0)
-            if lost is not None and i < k and j < k:
-                axes.plot(x[lost], y[lost], "x", ms=4, color=FAILED, mew=0.8)
+            if without_value is not None and i < k and j < k:
+                axes.plot(x[without_value], y[without_value], "x", ms=4, color=FAILED, mew=0.8)
         if j:
             axes.set_yticklabels([])
         if i == n - 1:
@@ -311,12 +313,12 @@ def _scatter_matrix(sweep: SweepRuns, measures: Sequence[Measured]) -> Picture:
 
 def _indices(found: Sequence[Indices]) -> Picture:
     """Draw first and total Sobol indices with their confidence intervals."""
-    lost = [
+    omitted = [
         f"{i.measure.name}: {i.planned - i.rows} of {i.planned} rows"
         for i in found
         if i.rows < i.planned
     ]
-    note = f"\n(omitted because a point has no value: {'; '.join(lost)})" if lost else ""
+    note = f"\n(omitted because a point has no value: {'; '.join(omitted)})" if omitted else ""
     title = f"Sobol indices, with {LEVEL:.0%} confidence intervals{note}"
     figure = _figure((8.0, 1.0 + 2.6 * len(found)), title)
     for axes, indices in zip(

@@ -217,7 +217,10 @@ def _parameters(
     axes = info["plan"].get("axes", [])
     known = len(axes) == len(columns)
     drawn = [known and DRAWN in str(axis) for axis in axes] if known else [False] * len(columns)
-    return [_parameter(name, cells[name], of) for name, of in zip(columns, drawn, strict=True)]
+    return [
+        _parameter(name, cells[name], is_drawn)
+        for name, is_drawn in zip(columns, drawn, strict=True)
+    ]
 
 
 def _parameter(name: str, cells: tuple[str, ...], drawn: bool) -> Parameter:

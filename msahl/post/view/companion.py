@@ -19,7 +19,7 @@ def companion_of(sample: Sample) -> Sample:
     """Return the same motion with half the step size, or with a thousandth of the local tolerance
     where the step size is controlled, at the output times of ``sample``.
     """
-    simulation, told = sample.model.simulation, sample.info.get("options", {})
+    simulation, given = sample.model.simulation, sample.info.get("options", {})
     settings = resolve(simulation)
     if settings.adaptive:
         local = _local_tolerance(sample) or settings.local_tolerance or settings.tolerance
@@ -30,9 +30,9 @@ def companion_of(sample: Sample) -> Sample:
         finer = {"dt": 0.5 * simulation.dt, "output_interval": interval}
     model = with_options(sample.model, finer | {"t_final": float(sample.time[-1])})
     options = Options(
-        solver=told.get("solver") or "auto",
-        every=sample.stride * int(told.get("every") or 1),
-        full=bool(told.get("full")),
+        solver=given.get("solver") or "auto",
+        every=sample.stride * int(given.get("every") or 1),
+        full=bool(given.get("full")),
         error=OFF,
     )
     sink = MemorySink()

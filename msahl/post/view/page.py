@@ -69,8 +69,8 @@ def show_error(folder: Path, patterns: tuple[str, ...] = ()) -> list[Shown]:
     from msahl.post.view.companion import companion_of  # a run needs what no view does
 
     sample = read_sample(folder, READ_NUMBERS, READ_ROWS)
-    own, finer = (show_sample(of, patterns) for of in (sample, companion_of(sample)))
-    return [own, replace(finer, name=f"{own.name}, with smaller steps")]
+    first, finer = (show_sample(each, patterns) for each in (sample, companion_of(sample)))
+    return [first, replace(finer, name=f"{first.name}, with smaller steps")]
 
 
 def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = True) -> Shown:
@@ -99,14 +99,14 @@ def _note(sample: Sample, poses: Poses, keys: int, errors: tuple[float, float]) 
         what = f"every {sample.stride}th of {sample.total} output times was read; {keys} of them"
     else:
         what = f"{keys} of {what}" if keys < read else f"all {what}"
-    told = f"Key poses: {what}. " + (
+    sentences = f"Key poses: {what}. " + (
         f"Interpolated between them by polynomials of degree 3; the largest error at the output "
         f"times read is {errors[0]:.1e} m and {errors[1]:.1e} rad. "
         if keys < read
         else "Interpolated between them by polynomials of degree 3. "
     )
     return (
-        f"{told}Poses are rounded to 1e-6 of the size of the motion, columns of the "
+        f"{sentences}Poses are rounded to 1e-6 of the size of the motion, columns of the "
         "graph and arrows to 1/65535 of their range."
     )
 

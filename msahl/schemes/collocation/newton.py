@@ -226,8 +226,8 @@ def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
     beams.correct_strains(system.beams, start.beams, DRIFT_FEEDBACK)
     forces.correct_elongations(system.forces, start.forces, system.scalar, DRIFT_FEEDBACK)
     if stages.tableau.decays:
-        lost = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
-        state.work[state.work.size - 1] -= max(0.0, lost)
+        dissipated = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
+        state.work[state.work.size - 1] -= max(0.0, dissipated)
 
 
 @apart

@@ -117,10 +117,10 @@ def _remove_null_violation(subsystem: CollocationWorkspace, A: np.ndarray) -> No
     """As ``newton.remove_null_violation``, by the Jacobian ``A``."""
     workspace, rows = subsystem.workspace, np.zeros_like(subsystem.y)
     held, violation = _is_multiplier(workspace), workspace.state.violation.reshape(-1)
-    of = workspace.unknowns.free[held] - 3 * first_multiplier(workspace.system.frames)
-    rows[held, -1] = violation[of]
+    equations = workspace.unknowns.free[held] - 3 * first_multiplier(workspace.system.frames)
+    rows[held, -1] = violation[equations]
     answer = np.linalg.lstsq(A, rows.reshape(-1), rcond=None)[0].reshape(rows.shape)
-    violation[of] -= _relaxation_rows(subsystem, answer)[held, -1]
+    violation[equations] -= _relaxation_rows(subsystem, answer)[held, -1]
     clear_rate_violations(workspace.system.scalar, workspace.state.violation)
 
 

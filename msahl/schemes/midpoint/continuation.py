@@ -133,10 +133,10 @@ def follow(equations: Steps) -> np.ndarray | None:
 
 
 def _follow(equations: Steps) -> np.ndarray | None:
-    begun = _begin(equations)
-    if begun is None:
+    first = _begin(equations)
+    if first is None:
         return None
-    z, s = begun
+    z, s = first
     path = _Path(equations, max(float(np.abs(z).max()) / s, np.finfo(float).tiny))
     upwards = np.append(np.zeros(z.size), 1.0)
     point = path.point(np.append(z / path.unit, s), upwards)

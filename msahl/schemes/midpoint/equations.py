@@ -57,7 +57,7 @@ from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
 BY_THREE_CHANGES, BY_LAST_CHANGE, BY_LAST_STEP = 1.0, 0.0, -1.0
-"""Values of ``State.foresight``: the next accelerations follow from the last three changes of them
+"""Values of ``State.prediction``: the next accelerations follow from the last three changes of them
 or from the last one; or they are not predicted, since the last step's motion is nearer."""
 
 
@@ -118,7 +118,7 @@ def repeat_last(
 @kernel
 def expected_change(state: State, trend: np.ndarray, k: int) -> Vector:
     """Predicted change: by the last three changes, unless the last one alone predicts better."""
-    if state.foresight[0] == BY_THREE_CHANGES:
+    if state.prediction[0] == BY_THREE_CHANGES:
         return extrapolated_change(trend, k)
     return at(trend[0], k)
 
@@ -188,15 +188,19 @@ def accept(
     forces.accept(system.forces, start.forces, system.scalar)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
-        lost, by_a, by_alpha = _accept_frame(system, state, start, h, Z, b)
-        loss += lost
+        dissipated, by_a, by_alpha = _accept_frame(system, state, start, h, Z, b)
+        loss += dissipated
         gained += by_a
         gained += by_alpha
     if forces.has_first(start.forces):
-        lost = rigid_body.lost(system.bodies, start.bodies, start.frames, h, state.a, state.alpha)
-        forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
-    if state.foresight[0] != BY_LAST_STEP:
-        state.foresight[0] = BY_THREE_CHANGES if gained >= 0.0 else BY_LAST_CHANGE
+        deficit = rigid_body.offset_deficit(
+            system.bodies, start.bodies, start.frames, h, state.a, state.alpha
+        )
+        forces.work_of_first(
+            system.forces, start.forces, h, state.a, state.alpha, deficit, state.work
+        )
+    if state.prediction[0] != BY_LAST_STEP:
+        state.prediction[0] = BY_THREE_CHANGES if gained >= 0.0 else BY_LAST_CHANGE
     if decay.chi > 0.0:
         loss += forces.smooth(system.forces, start.forces, system.scalar, decay.pole)
         loss += beams.smooth(system.beams, start.beams, 0.5 * decay.chi, decay.pole)
@@ -213,7 +217,7 @@ def _accept_frame(
     three changes predicted its accelerations better than one, of a and of l alpha.
     """
     frames, decay, h2 = system.frames, system.decay, dt2(system, h)
-    lost, per_step = 0.0, h / h2
+    dissipated, per_step = 0.0, h / h2
     u = at(Z, displacement_node(frames, b))
     Q = rotation_increment(frames, Z, b)
     put(state.mean_v, b, scale(1.0 / h, u))
@@ -232,7 +236,9 @@ def _accept_frame(
     put(state.w, b, add(at(state.w, b), dw))
     if decay.chi > 0.0 and frames.owner[b] >= 0:
         dv, body = sub(v1, v0), frames.owner[b]
-        lost = rigid_body.smooth(system.bodies, decay, body, dv, dw, state.v_rise, state.w_rise)
+        dissipated = rigid_body.smooth(
+            system.bodies, decay, body, dv, dw, state.v_rise, state.w_rise
+        )
     # As the prediction has it: the change of W without that by the rotation of the frame itself.
     a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h2, gained_angle)
     da, dalpha = sub(a, at(state.a, b)), sub(alpha, at(state.alpha, b))
@@ -242,7 +248,7 @@ def _accept_frame(
     save_change(state.alpha_trend, b, dalpha)
     put(state.a, b, a)
     put(state.alpha, b, alpha)
-    return lost, by_a, by_alpha
+    return dissipated, by_a, by_alpha
 
 
 @kernel

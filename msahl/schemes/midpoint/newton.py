@@ -135,7 +135,7 @@ def solve(workspace: Workspace, h: float) -> tuple[float, int]:
     or the prediction leads nowhere; return its relative residual and worst row.
     """
     state = workspace.state
-    repeats = state.foresight[0] == equations.BY_LAST_STEP and not _is_predictable(workspace, h)
+    repeats = state.prediction[0] == equations.BY_LAST_STEP and not _is_predictable(workspace, h)
     _set_start(workspace, h, repeats)
     residual, worst = iterate(workspace, h, LONG_TARGET if repeats else TARGET)
     # At t = 0 there is no last step.
@@ -143,7 +143,7 @@ def solve(workspace: Workspace, h: float) -> tuple[float, int]:
         _set_start(workspace, h, not repeats)
         residual, worst = iterate(workspace, h, LONG_TARGET)
         if residual <= TOLERANCE:
-            state.foresight[0] = equations.BY_LAST_STEP
+            state.prediction[0] = equations.BY_LAST_STEP
     return residual, worst
 
 
@@ -170,7 +170,7 @@ def _is_predictable(workspace: Workspace, h: float) -> bool:
         )
         residuals = (residuals[1], relative_residual(workspace, h)[0])
     if residuals[0] < FAR_BETTER * residuals[1]:
-        workspace.state.foresight[0] = equations.BY_LAST_CHANGE
+        workspace.state.prediction[0] = equations.BY_LAST_CHANGE
         return True
     return False
 

@@ -1,4 +1,4 @@
-"""Decks that are written for another configuration, and runs that start at an equilibrium."""
+"""Models that begin at another configuration, and runs that start at an equilibrium."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msahl.analysis.equilibria.begin import deck_at, deck_there
+from msahl.analysis.equilibria.begin import model_at, model_there
 from msahl.analysis.equilibria.equilibrium import search_start
 from msahl.analysis.equilibria.search import displaced, find
 from msahl.analysis.equilibria.stability import stability
@@ -14,6 +14,7 @@ from msahl.analysis.equilibria.tables import state_row
 from msahl.analysis.linearised.point import Point, complete
 from msahl.analysis.modes.solution import modes
 from msahl.deck import Source
+from msahl.deck.write_model import write_deck
 from msahl.model import ConcentratedLoad
 from msahl.model.settings import OFF
 from msahl.model.signals import TIME, reached, tree_of
@@ -41,9 +42,9 @@ def decks(quick):
 
 
 def read(path, text=None):
-    """The deck's bytes, and its model where a search begins."""
+    """The model of a deck where a search begins."""
     source = Source(path, text) if text else Source.of_file(path)
-    return source.text({}, ()), search_start(source.model(()))
+    return search_start(source.model(()))
 
 
 def at_rest(point: Point) -> Point:
@@ -61,11 +62,13 @@ def coordinates(point):
     return JointTable(point.model, 1).rows({"states": row[None]})[0]
 
 
-def require_same(text, path, start, there):
-    """The deck that is written for a point has that model: the same accelerations there, and the
-    same coordinates of joints, but for full revolutions.
+def require_same(path, start, there):
+    """The model that begins at a point is the same: the same accelerations there, and the same
+    coordinates of joints, but for full revolutions. A deck says so to the last digit.
     """
-    again = at_rest(read(path, deck_there(text, path, start, there))[1])
+    moved = model_there(start, there)
+    assert Source(path, write_deck(moved)).model(()) == moved
+    again = at_rest(search_start(moved))
     size = max(np.abs(there.state.x).max(), 1.0)
     assert again.state.x == pytest.approx(there.state.x, abs=1e-11 * size)
     for one, other in ((there.state.a, again.state.a), (there.state.alpha, again.state.alpha)):
@@ -78,27 +81,27 @@ def require_same(text, path, start, there):
 
 @pytest.mark.parametrize("path", decks(VARIED))
 def test_a_deck_written_elsewhere_is_the_same_model(path):
-    text, start = read(path)
+    start = read(path)
     if len(start.model.bodies) > LARGEST:
         pytest.skip("more bodies")
     there = at_rest(displaced(start, REST, np.random.default_rng(1)))
-    require_same(text, path, start, there)
+    require_same(path, start, there)
 
 
 def test_vectors_in_axes_of_other_bodies_keep_their_meaning():
     path = Path("hostile.xml")
-    text, start = read(path, HOSTILE)
+    start = read(path, HOSTILE)
     for seed in range(3):
         there = at_rest(displaced(start, REST, np.random.default_rng(seed)))
         assert np.abs(there.state.x - start.state.x).max() > 0.1
-        require_same(text, path, start, there)
+        require_same(path, start, there)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", decks(RUN))
 def test_a_run_from_an_equilibrium_stays(path):
     """Of decks whose equilibrium is stable and which nothing moves but forces of the motion."""
-    text, start = read(path)
+    start = read(path)
     laws = [load.law for load in start.model.loads if isinstance(load, ConcentratedLoad)]
     trees = [tree for signal in start.model.signals if (tree := tree_of(signal))]
     trees += [tree for load in start.model.loads if (tree := getattr(load, "expression", None))]
@@ -108,7 +111,7 @@ def test_a_run_from_an_equilibrium_stays(path):
     solution = find(start, REST)
     if solution is None or not stability(solution.place.point).startswith("stable"):
         pytest.skip("no stable equilibrium")
-    model = Source(path, deck_at(text, path, start, solution)).model(())
+    model = model_at(start, solution)
     dt = max(model.simulation.dt, 1e-3)
     x = simulate(model, dt=dt, t_final=1.0, scheme="preserving", error=OFF).states[:, 1:]
     size = max(np.abs(solution.place.point.state.x).max(), 1.0)
@@ -120,13 +123,13 @@ def test_a_run_from_an_equilibrium_stays(path):
 def test_an_unstable_equilibrium_is_left_at_its_rate():
     """Without lateral stiffness of its tyres, springs under pressure, the car rotates about z."""
     (path,) = (path for path in DECKS if path.stem == "suspension")
-    text, start = read(path)
+    start = read(path)
     solution = find(start, REST)
     found = modes(solution.place.point)
     k = int(np.argmax(found.value.real))
     rate = float(found.value[k].real)
     assert rate == pytest.approx(8.89878, rel=1e-5)
-    model = Source(path, deck_at(text, path, start, solution)).model(())
+    model = model_at(start, solution)
     velocity = 1e-8 * rate * found.shape[k].real
     bodies = tuple(
         replace(body, velocity=tuple(v[:3].tolist()), angular_velocity=tuple(v[3:].tolist()))
@@ -141,10 +144,10 @@ def test_an_unstable_equilibrium_is_left_at_its_rate():
 def test_a_steady_rotation_is_written_with_its_velocities():
     """The governor at 8 rad/s: its balls and its speed stay where they are."""
     (path,) = (path for path in DECKS if path.stem == "flyball_governor")
-    text, start = read(path)
+    start = read(path)
     solution = find(start, np.array([0.0, 0.0, 8.0]))
     assert stability(solution.place.point) == "stable, all motions are damped"
-    model = Source(path, deck_at(text, path, start, solution)).model(())
+    model = model_at(start, solution)
     run = simulate(model, dt=0.01, t_final=1.0, scheme="gauss3", error=OFF)
     for ball in (1, 2):
         heights, spin = run.of("position", ball)[:, 2], run.of("spin", ball)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from msahl.algebra.rotation import matrix
 from msahl.model import Joint, Load, Model
 from msahl.model.bodies import RigidBody
-from msahl.study.start import first_state
+from msahl.study.dynamics import first_state
 
 SAME = 1e-12
 """Relative difference up to which two numbers of a deck are taken as equal: rounding errors of

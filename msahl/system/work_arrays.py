@@ -15,7 +15,7 @@ from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 
-class Desk(NamedTuple):
+class WorkArrays(NamedTuple):
     """Work arrays for one state, whose numbers may change; every function prepares what it uses."""
 
     start: SystemWorkspace  # of the state, and of the state at rest
@@ -23,23 +23,25 @@ class Desk(NamedTuple):
     call: Callable[..., Any]  # calls a kernel with its arguments
 
 
-def new_desk(system: System, state: State, storage: Storage | None = None) -> Desk:
+def new_work_arrays(system: System, state: State, storage: Storage | None = None) -> WorkArrays:
     """Return the work arrays for a ``state``, from ``storage`` if that is given."""
     start = new_system_workspace(system, state)
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
     size = moving_count(system.frames)
     if storage is None:
-        return Desk(start, rest, lambda kernel, *given: by_size(kernel, size)(*given))
-    return Desk(storage.place("start", start), storage.place("rest", rest), storage.call)
+        return WorkArrays(start, rest, lambda kernel, *given: by_size(kernel, size)(*given))
+    return WorkArrays(storage.place("start", start), storage.place("rest", rest), storage.call)
 
 
-def jacobian_at_rest(system: System, state: State, desk: Desk | None = None) -> np.ndarray:
+def jacobian_at_rest(
+    system: System, state: State, work_arrays: WorkArrays | None = None
+) -> np.ndarray:
     """Return what ``evaluate.jacobian_at_rest`` returns, with the work arrays of the ``state``'s
-    ``desk``, if there is one.
+    ``work_arrays``, if there is one.
     """
-    if desk is None:
+    if work_arrays is None:
         return evaluate.jacobian_at_rest(system, state)
-    start, rest, call = desk
+    start, rest, call = work_arrays
     call(evaluate.prepare, system, rest, start)
     values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
     if system.scalar:

@@ -1,0 +1,251 @@
+"""Writers of joints, couplings, motions and loads: records -> elements."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, transpose
+from msahl.check.context import INERTIAL, Context
+from msahl.check.directions import crossed_references, frame, shared_references, unit
+from msahl.check.joints import SCALES
+from msahl.deck.couplings import QUANTITIES as COUPLED
+from msahl.deck.elements import child, law, number, number_unless, numbers, table, vector
+from msahl.deck.ends import SIDES, carried
+from msahl.deck.faults import Element
+from msahl.deck.joint_start import has_references
+from msahl.deck.motions import UNIT
+from msahl.deck.springs import ALONG, QUANTITIES
+from msahl.expressions.text import text_of
+from msahl.joints.registry import KINDS
+from msahl.laws.registry import POINT_LAWS
+from msahl.model import (
+    Bushing,
+    ConcentratedLoad,
+    Coupling,
+    Friction,
+    Joint,
+    JointActuator,
+    JointMotion,
+    JointSpring,
+    MarkerActuator,
+    PointLoad,
+    PointMotion,
+    SpringDamper,
+)
+
+Sides = tuple[Matrix, Matrix]
+
+
+def write_joint(group: Element, joint: Joint, context: Context) -> None:
+    """Add a joint of any kind; both frames in full unless its axes say the same."""
+    element, kind = _named(group, joint.kind, joint.name), KINDS[joint.kind]
+    short = _frames_by_axes(joint, context) == (joint.parent_axes, joint.child_axes)
+    short = short and _references(joint) == (joint.parent_reference, joint.child_reference)
+    ends = _ends(element, joint, None if short else (joint.parent_axes, joint.child_axes))
+    if short:
+        for end, axes in zip(
+            ends[: kind.axes], (joint.parent_axes, joint.child_axes), strict=False
+        ):
+            vector(end, "axis", axes[2])
+    else:
+        for end, a in zip(ends, (joint.parent_reference, joint.child_reference), strict=True):
+            if a is not None:
+                vector(end, "reference", a)
+    for (name, quantity, default, _), (_, value) in zip(
+        kind.parameters, joint.parameters, strict=True
+    ):
+        if value == value and value != default:  # the default of a default may be no number
+            number(element, name, value, quantity)
+
+
+def _frames_by_axes(joint: Joint, context: Context) -> Sides:
+    """Return the frames that a deck gives the joint by its axes alone."""
+    kind, bodies = KINDS[joint.kind], (joint.parent, joint.child)
+    if kind.axes == 0 or kind.faces:
+        frames = [IDENTITY, IDENTITY]
+    else:
+        axes = zip((joint.parent_axes[2], joint.child_axes[2]), bodies, strict=True)
+        frames = [frame(unit(context.rotated(a, body, INERTIAL))) for a, body in axes]
+    if kind.axes == 1:
+        frames[1] = frames[0]
+    parent, child = (carried(a, body, context) for a, body in zip(frames, bodies, strict=True))
+    return parent, child
+
+
+def _references(joint: Joint) -> tuple[Vector | None, Vector | None]:
+    """Return the directions from which coordinates count in a deck that gives none."""
+    kind = KINDS[joint.kind]
+    if not has_references(kind):
+        return None, None
+    complete = crossed_references if kind.axes == 2 else shared_references
+    return complete(joint.parent_axes[2], joint.child_axes[2], None, None)
+
+
+def _named(group: Element, tag: str, name: str) -> Element:
+    element = child(group, tag)
+    child(element, "name", name)
+    return element
+
+
+def _ends(
+    element: Element, record: Joint | SpringDamper | Bushing, frames: Sides | None
+) -> tuple[Element, Element]:
+    """Add both ends of an element, with ``frames`` if there are some, and return them."""
+    names, points = (record.parent, record.child), (record.parent_point, record.child_point)
+    ends = [child(element, side) for side in SIDES]
+    for k, end in enumerate(ends):
+        child(end, "name", names[k])
+        vector(end, "position", points[k])
+        if frames is not None:
+            numbers(end, "frame", [component for row in frames[k] for component in row])
+    return ends[0], ends[1]
+
+
+def write_coupling(group: Element, coupling: Coupling) -> None:
+    """Add a coupling of two joints."""
+    element = _named(group, coupling.kind, coupling.name)
+    child(element, "first", coupling.first)
+    child(element, "second", coupling.second)
+    tag = SCALES.get(coupling.kind)
+    if tag is not None:
+        number(element, tag, coupling.ratio, COUPLED[tag])
+    elif coupling.lift is not None:
+        number_table(child(element, "lift", interpolation=coupling.lift.kind), coupling.lift, "rad")
+
+
+def number_table(element: Element, given: Law, units: str = "") -> None:
+    """Add arguments and values of a table to the element that holds them."""
+    half = len(given.numbers) // 2
+    x = numbers(element, "x", given.numbers[:half])
+    if units:
+        x.set("units", units)
+    numbers(element, "values", given.numbers[half:])
+
+
+def _joint_motion(group: Element, motion: JointMotion, context: Context) -> None:
+    element = _named(group, "jointMotion", motion.name)
+    child(element, "joint", motion.joint)
+    child(element, "coordinate", motion.coordinate)
+    law(element, motion.law, UNIT[motion.coordinate])
+
+
+def _point_motion(group: Element, motion: PointMotion, context: Context) -> None:
+    element = _named(group, "pointMotion", motion.name)
+    child(element, "body", motion.body)
+    vector(element, "position", motion.point)
+    vector(element, "direction", motion.direction)
+    law(element, motion.law, "length")
+
+
+def _concentrated(group: Element, load: ConcentratedLoad, context: Context) -> None:
+    element = _named(group, "concentrated", load.name)
+    child(element, "body", load.body)
+    vector(element, "position", load.point)
+    vector(element, "force", load.force, load.force_basis, always=True)
+    vector(element, "moment", load.moment, load.moment_basis, always=True)
+    if load.expression is not None:
+        child(child(element, "law"), "expression", text_of(load.expression))
+    elif load.law is not None:
+        law(element, load.law, "")
+
+
+def _spring_damper(group: Element, load: SpringDamper, context: Context) -> None:
+    element = _named(group, "springDamper", load.name)
+    _ends(element, load, None)
+    _spring(element, load, ("freeLength", "length", "force"), ("stiffness", "damping"))
+    number(element, "freeLength", load.free_length, "length")
+
+
+def _joint_spring(group: Element, load: JointSpring, context: Context) -> None:
+    (tag, along) = next((tag, a) for tag, a in ALONG.items() if a[0] == load.coordinate)
+    element = _named(group, tag, load.name)
+    child(element, "joint", load.joint)
+    _spring(element, load, along[1:], QUANTITIES[load.coordinate])
+    number_unless(element, 0.0, along[1], load.free, along[2])
+
+
+def _spring(
+    element: Element,
+    load: SpringDamper | JointSpring,
+    along: tuple[str, str, str],
+    quantities: tuple[str, str],
+) -> None:
+    """Add the numbers of a spring ``along`` a coordinate: tag of its unloaded value, quantities of
+    displacement and load."""
+    if load.compliance:
+        element.set("form", "compliance")
+    _, displacement, force = along
+    if load.table is None:
+        number(element, "stiffness", load.stiffness, quantities[0])
+    number_unless(element, 0.0, "damping", load.damping, quantities[1])
+    number_unless(element, 0.0, "preload", load.preload, force)
+    if load.table is not None:
+        table(element, load.table, (displacement, displacement), (force, force))
+
+
+def _bushing(group: Element, load: Bushing, context: Context) -> None:
+    element, frames = _named(group, "bushing", load.name), (load.parent_axes, load.child_axes)
+    shared = transpose(context.axes[load.parent])
+    short = (carried(shared, load.parent, context), carried(shared, load.child, context))
+    _ends(element, load, None if short == frames and not load.aligned else frames)
+    if load.compliance:
+        element.set("form", "compliance")
+    if load.aligned:
+        element.set("unloaded", "aligned")
+    for values, tags in (
+        (load.stiffness, ("stiffness", "angularStiffness")),
+        (load.damping, ("damping", "angularDamping")),
+    ):
+        for tag, three in zip(tags, (values[:3], values[3:]), strict=True):
+            given = [(axis, value) for axis, value in zip("xyz", three, strict=True) if value]
+            inner = child(element, tag) if given else element
+            for axis, value in given:
+                number(inner, axis, value, tag)
+
+
+def _point_load(group: Element, load: PointLoad, context: Context) -> None:
+    element = _named(group, load.law, load.name)
+    child(element, "body", load.body)
+    vector(element, "position", load.point)
+    for field, (_, value) in zip(POINT_LAWS[load.law].fields, load.parameters, strict=True):
+        if value != field.default:
+            number(element, field.name, value, field.quantity_along("") or "")
+
+
+def _friction(group: Element, load: Friction, context: Context) -> None:
+    element, is_angle = _named(group, "friction", load.name), load.coordinate == "angle"
+    child(element, "joint", load.joint)
+    child(element, "coordinate", load.coordinate)
+    number(element, "coefficient", load.coefficient)
+    if is_angle:
+        number(element, "radius", load.radius, "length")
+    number(element, "width", load.width, "angularVelocity" if is_angle else "velocity")
+
+
+def _joint_actuator(group: Element, load: JointActuator, context: Context) -> None:
+    element = _named(group, "actuator", load.name)
+    child(element, "joint", load.joint)
+    child(element, "coordinate", load.coordinate)
+    child(element, "expression", text_of(load.expression))
+
+
+def _marker_actuator(group: Element, load: MarkerActuator, context: Context) -> None:
+    element = _named(group, "actuator", load.name)
+    child(element, "from", load.start)
+    child(element, "to", load.end)
+    child(element, "expression", text_of(load.expression))
+
+
+WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
+    JointMotion: _joint_motion,
+    PointMotion: _point_motion,
+    ConcentratedLoad: _concentrated,
+    SpringDamper: _spring_damper,
+    JointSpring: _joint_spring,
+    Bushing: _bushing,
+    PointLoad: _point_load,
+    Friction: _friction,
+    JointActuator: _joint_actuator,
+    MarkerActuator: _marker_actuator,
+}
+"""Writers of motions and loads."""
