@@ -15,7 +15,7 @@ from msahl.printable import shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.post.show.page import DeckPage
+    from msahl.post.show.deck_page import DeckPage
 
 INTERVAL = 0.3
 """Seconds between two looks at the files of a deck."""
@@ -63,7 +63,7 @@ def show(
     if is_monitored:
         _monitor(deck, settings, is_opened)
         return
-    from msahl.post.show.page import show_deck
+    from msahl.post.show.deck_page import show_deck
     from msahl.results.write import replace_file
 
     page = show_deck(deck, settings)
@@ -91,7 +91,7 @@ def _tell(deck: Path, page: "DeckPage") -> None:
 
 def _monitor(deck: Path, settings: Sequence[str], is_opened: bool) -> None:
     """Serve the page and keep it up to date until the user ends the program."""
-    from msahl.post.show.page import show_deck
+    from msahl.post.show.deck_page import show_deck
     from msahl.post.show.server import PageServer
 
     server = PageServer()

@@ -82,7 +82,7 @@ class Graphs:
 
 @dataclass(frozen=True, slots=True)
 class OnPage:
-    """``part`` of a page (``page.page.Part``), in whose place Markdown has ``blocks``."""
+    """``part`` of a page (``page.parts.Part``), in whose place Markdown has ``blocks``."""
 
     part: Any
     blocks: tuple["Block", ...] = ()

@@ -26,7 +26,7 @@ from msahl.post.page.blocks import part_of
 from msahl.post.page.drawing import as_picture
 from msahl.post.page.files import write_document
 from msahl.post.page.markup import element
-from msahl.post.page.page import Part, combine, wrap
+from msahl.post.page.parts import Part, combine, wrap
 from msahl.post.run_graphs import Choice, groups
 from msahl.post.sentences import (
     describe_constraints,
@@ -45,7 +45,7 @@ from msahl.post.summary import (
     work_table,
 )
 from msahl.post.table import Column, Table
-from msahl.post.view.page import show_sample, viewer_block
+from msahl.post.view.viewer import show_sample, viewer_block
 from msahl.results.read import Run
 from msahl.results.sample import sample_run
 from msahl.run.verdict import describe_reactions

@@ -14,7 +14,7 @@ from msahl.cli.main import main as engine
 from msahl.post.cli import main as post
 from msahl.post.document import OnPage
 from msahl.post.metrics import Energy
-from msahl.post.page.page import NOTHING
+from msahl.post.page.parts import NOTHING
 from msahl.post.run_report import build_report
 from msahl.post.run_verdicts import read_verdict, verdict_table
 from msahl.post.table import as_text

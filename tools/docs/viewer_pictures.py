@@ -17,7 +17,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from msahl.post.show.page import show_deck
+from msahl.post.show.deck_page import show_deck
 from msahl.post.view import show_run, viewer_page
 from tests.support.browser import BROWSERS, FLAGS
 

@@ -10,7 +10,7 @@ from msahl.printable import shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.post.glb.run import Exported
+    from msahl.post.glb.exported_run import Exported
 
 
 @click.command(short_help="Write the motion for other programs (glTF).")
@@ -28,7 +28,7 @@ def export(run: Path, glb: bool, output: Path | None) -> None:
     """
     if not glb:
         raise click.UsageError("no format is given; add --glb")
-    from msahl.post.glb.run import export_run
+    from msahl.post.glb.exported_run import export_run
     from msahl.results.write import replace_file
 
     made = export_run(run)

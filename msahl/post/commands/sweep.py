@@ -45,7 +45,7 @@ def sweep(
         msahl-post sweep sweeps/rod
         msahl-post sweep sweeps/rod --best "Tip.z max" min
     """
-    from msahl.post.sweep import tables
+    from msahl.post.sweep import sweep_tables as tables
     from msahl.post.sweep.read import read_sweep
 
     read = read_sweep(folder)
@@ -64,7 +64,7 @@ def sweep(
     if found:
         echo("Sobol indices:")
         print_table(tables.indices_table(found), form)
-    from msahl.post.sweep.page import write_sweep_page
+    from msahl.post.sweep.sweep_page import write_sweep_page
 
     for path in write_sweep_page(read, found, output or folder / "report", forms):
         echo(str(path))

@@ -17,7 +17,7 @@ from msahl.post.document import (
 )
 from msahl.post.page.graphs import graphs
 from msahl.post.page.markup import Markup, element, running
-from msahl.post.page.page import NOTHING, Part, combine, wrap, write_page
+from msahl.post.page.parts import NOTHING, Part, combine, wrap, write_page
 from msahl.post.table import Table
 from msahl.run.verdict import WORDS
 

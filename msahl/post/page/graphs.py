@@ -7,7 +7,7 @@ import numpy as np
 
 from msahl.post.graph_data import MOST_DECADES, Graph, Group, thinned
 from msahl.post.page.markup import Markup, element, join
-from msahl.post.page.page import Part
+from msahl.post.page.parts import Part
 
 MOST_CURVES = 8
 """Curves of a graph; of more the ones that vary most are drawn."""

@@ -2,6 +2,10 @@
 
 A file is below one of the given folders, of bounded size, and holds triangles or polygons, which
 are cut into triangles. Raises ``DeckError`` with the file and the line of a fault.
+
+``trimesh`` 5.2 reads these formats as well, but takes a text that ends early for an empty mesh, NaN
+for a number, and corner 0 of a face for the last vertex, and its errors have no lines: all checks
+would stand here beside it.
 """
 
 import math

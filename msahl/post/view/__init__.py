@@ -4,6 +4,13 @@
 ``show_run`` reads from the folder of a run, or ``Shown(scene)`` for a model at rest.
 """
 
-from msahl.post.view.page import Shown, show_error, show_run, show_sample, viewer_block, viewer_page
+from msahl.post.view.viewer import (
+    Shown,
+    show_error,
+    show_run,
+    show_sample,
+    viewer_block,
+    viewer_page,
+)
 
 __all__ = ["Shown", "show_error", "show_run", "show_sample", "viewer_block", "viewer_page"]

@@ -28,7 +28,7 @@ from msahl.analysis.modes.mode_lines import largest_parts
 from msahl.analysis.modes.solution import Modes
 from msahl.post.scene import build_scene
 from msahl.post.view.packing import pack_integers
-from msahl.post.view.page import Shown
+from msahl.post.view.viewer import Shown
 
 NUMBERS = 400_000
 """Most numbers of shapes that a page contains: some 800 kB of it."""

@@ -13,7 +13,7 @@ from msahl.algebra.rotation_arrays import rotations
 from msahl.cli.main import main as msahl
 from msahl.post.cli import main as post
 from msahl.post.glb.animation import TOLERANCE, choose_keys, interpolate
-from msahl.post.glb.document import _upright, linear
+from msahl.post.glb.gltf import _upright, linear
 from msahl.post.scene.geometry import rotation
 from msahl.results.read import read_run
 from tests.support import run_folders

@@ -14,7 +14,7 @@ from msahl.post.metrics import compute_metrics
 from msahl.post.page.blocks import as_html
 from msahl.post.page.graphs import graphs
 from msahl.post.page.markup import element
-from msahl.post.page.page import wrap, write_page
+from msahl.post.page.parts import wrap, write_page
 from msahl.post.run_report import build_report
 from msahl.results.read import read_run
 from msahl.run import verdict

@@ -9,7 +9,7 @@ import pytest
 
 from msahl.post.page.blocks import as_html, table
 from msahl.post.page.markup import Markup, element, join, running
-from msahl.post.page.page import Part, combine, wrap, write_page
+from msahl.post.page.parts import Part, combine, wrap, write_page
 from msahl.post.table import Column, Table
 
 

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.deck import read_deck
+from msahl.post.show.deck_page import FAULTY, show_deck
 from msahl.post.show.lines import element_lines, files_of
-from msahl.post.show.page import FAULTY, show_deck
 from tests.post.web.test_web import PAYLOADS
 from tests.support.browser import wait_until
 from tests.support.models import DECKS, ROOT

@@ -23,7 +23,7 @@ from msahl.deck import DeckError, Fault, Source, check_simulation
 from msahl.deck.source import Readable
 from msahl.model import Model
 from msahl.post.page.markup import element
-from msahl.post.page.page import Part, wrap, write_page
+from msahl.post.page.parts import Part, wrap, write_page
 from msahl.post.scene import build_scene
 from msahl.post.scene.shapes import given_shapes
 from msahl.post.show.lines import element_lines, file_text, files_of

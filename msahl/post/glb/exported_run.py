@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from msahl.post.glb.animation import choose_keys
-from msahl.post.glb.document import write_glb
+from msahl.post.glb.gltf import write_glb
 from msahl.post.scene import scene_of_run
 from msahl.post.view.poses import poses_of_run
 from msahl.results.sample import read_sample

@@ -7,11 +7,11 @@ from msahl.post.document import Block, Items, Paragraph
 from msahl.post.draw import encode, style
 from msahl.post.page.blocks import fold, header, section
 from msahl.post.page.drawing import as_picture
-from msahl.post.page.page import Part, combine, wrap, write_page
+from msahl.post.page.parts import Part, combine, wrap, write_page
 from msahl.post.sweep.pictures import MOST_MEASURES, pictures
 from msahl.post.sweep.read import SweepRuns
 from msahl.post.sweep.statistics import LEVEL, SALTELLI, Indices
-from msahl.post.sweep.tables import (
+from msahl.post.sweep.sweep_tables import (
     MOST_FAILURES,
     failures_table,
     indices_table,

@@ -23,7 +23,7 @@ from typing import Any
 
 from msahl.joints.coordinates import is_angle
 from msahl.post.page.markup import element
-from msahl.post.page.page import Part, write_page
+from msahl.post.page.parts import Part, write_page
 from msahl.post.scene import scene_of_run
 from msahl.post.view.columns import columns_of_run, pack_columns
 from msahl.post.view.poses import Poses, choose_keys, pack_poses, poses_of_run
