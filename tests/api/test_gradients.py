@@ -8,6 +8,7 @@ from scipy.special import ellipk
 
 import msahl
 from msahl.analysis.gradients import run as tangent_run
+from msahl.analysis.gradients.step_sequence import Step
 from msahl.api import gradients
 from msahl.schemes.midpoint import tangent as midpoint_tangent
 from tests.support.models import ROOT
@@ -132,6 +133,19 @@ def test_the_end_of_a_run_moves_with_the_parameters(options):
     found = model.gradient(["Rod.x final", "Rod.z final"], "L", **options)
     # The run ends where the rod is vertical: its mass centre is L/2 below the hinge.
     assert found.jacobian[:, 0] == pytest.approx([0.0, -0.005], abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "degree", "shares"),
+    [
+        ([0.2, 0.2, 0.1], 3, [0.0, 0.0, 1.0]),  # a last step that is cut
+        ([0.2, 0.2, 0.1, 0.1], 3, [0.0, 0.0, 0.5, 0.5]),  # two pairs of steps
+        ([0.2, 0.2, 0.2], 0, [0.0, 0.0, 1.0]),  # order 2 has no pairs
+    ],
+)
+def test_all_of_the_end_of_a_run_is_in_its_last_step_or_pair(sizes, degree, shares):
+    steps = [Step(size, degree, (), ()) for size in sizes]
+    assert [tangent_run._end_share(steps, k) for k in range(len(steps))] == shares
 
 
 def test_the_equilibrium_from_which_a_run_starts_moves_with_the_parameters(tmp_path):
