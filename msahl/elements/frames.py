@@ -31,6 +31,8 @@ from msahl.algebra.vector import (
     add,
     at,
     axpy,
+    cross,
+    matrix_at,
     multiple,
     put,
     put_matrix,
@@ -120,6 +122,26 @@ def displacement(frames: Frames, Z: np.ndarray, f: int) -> Vector:
 def rotation_increment(frames: Frames, Z: np.ndarray, f: int) -> Vector:
     """Rotation increment Q of frame ``f`` in the unknowns ``Z``, which hold l Q."""
     return scale(1.0 / frames.length[f], at(Z, rotation_node(frames, f)))
+
+
+@kernel
+def point_arm(R: np.ndarray, f: int, s: Vector) -> Vector:
+    """Vector from the origin of frame ``f`` to its point ``s`` (axes of the frame), inertial axes
+    [m]; ``R`` (f, 3, 3) are the frames' orientations.
+    """
+    return times(matrix_at(R, f), s)
+
+
+@kernel
+def direction(R: np.ndarray, f: int, e: Vector) -> Vector:
+    """A vector ``e`` in the axes of frame ``f``, carried into inertial axes, likewise."""
+    return times(matrix_at(R, f), e)
+
+
+@kernel
+def point_velocity(motion: FramesWorkspace, f: int, r: Vector) -> Vector:
+    """Velocity of the point of frame ``f`` with the arm r (``point_arm``), inertial axes [m/s]."""
+    return add(at(motion.v, f), cross(at(motion.W, f), r))
 
 
 @kernel

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
+from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, put, sub
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.frames import Frames, mean
+from msahl.elements.frames import Frames, mean, point_arm
 from msahl.jit.kernel import kernel
 
 MOST_ROUNDS, STILL = 40, 1e-14
@@ -48,7 +48,7 @@ def prepare(
     if scalar is None:
         return
     for j in range(group.child.size):
-        put(r, j, times(matrix_at(R, group.child[j]), at(group.s, j)))
+        put(r, j, point_arm(R, group.child[j], at(group.s, j)))
 
 
 @kernel

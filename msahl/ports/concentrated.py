@@ -46,21 +46,21 @@ from msahl.algebra.vector import (
     at,
     cross,
     dot,
-    matrix_at,
     multiple,
     put,
     scale,
     skew,
     skew_product,
-    times,
 )
 from msahl.elements.frames import (
     Frames,
     FramesWorkspace,
     add_force_by_mass,
+    direction,
     displacement_node,
     end_tangent,
     mean,
+    point_arm,
     push,
     rotation_increment,
 )
@@ -137,8 +137,8 @@ def over_step(
     prepare(group, start.factor, R, start)
     if moved:
         for k in range(group.frame.size):
-            f = times(matrix_at(R, group.f_axes[k]), at(group.f, k))
-            m = times(matrix_at(R, group.m_axes[k]), at(group.m, k))
+            f = direction(R, group.f_axes[k], at(group.f, k))
+            m = direction(R, group.m_axes[k], at(group.m, k))
             put(start.first_f, k, scale(start.first[k], f))
             put(start.first_m, k, scale(start.first[k], moment(at(start.r, k), f, m)))
     return moved
@@ -173,9 +173,9 @@ def prepare(
     """Set arm, force and moment in inertial axes, multiplied by the factors (k,)."""
     for k in range(group.frame.size):
         c = factor[k]
-        put(start.r, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
-        put(start.f, k, scale(c, times(matrix_at(R, group.f_axes[k]), at(group.f, k))))
-        put(start.m, k, scale(c, times(matrix_at(R, group.m_axes[k]), at(group.m, k))))
+        put(start.r, k, point_arm(R, group.frame[k], at(group.s, k)))
+        put(start.f, k, scale(c, direction(R, group.f_axes[k], at(group.f, k))))
+        put(start.m, k, scale(c, direction(R, group.m_axes[k], at(group.m, k))))
 
 
 @kernel

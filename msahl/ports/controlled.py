@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.algebra.vector import at, matrix_at, put, scale, times
+from msahl.algebra.vector import at, put, scale
 from msahl.elements.constraints.products import Q_A, U_A
-from msahl.elements.frames import Frames, FramesWorkspace, mean
+from msahl.elements.frames import Frames, FramesWorkspace, direction, mean
 from msahl.elements.signals.group import SignalsWorkspace
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import concentrated
@@ -67,8 +67,8 @@ def add_force(
     concentrated.prepare(loads, start.loads.factor, R, start.loads)
     concentrated.add_force(loads, start.loads, frames, F)
     for k in range(loads.frame.size):
-        f = times(matrix_at(R, loads.f_axes[k]), at(loads.f, k))
-        m = times(matrix_at(R, loads.m_axes[k]), at(loads.m, k))
+        f = direction(R, loads.f_axes[k], at(loads.f, k))
+        m = direction(R, loads.m_axes[k], at(loads.m, k))
         put(start.force, k, f)
         put(start.moment, k, moment(at(start.loads.r, k), f, m))
 
@@ -110,8 +110,8 @@ def mean_residual(
     concentrated.mean_residual(loads, start.loads, frames, dt2, Z, F)
     for k in range(loads.frame.size):
         f_axes, m_axes = loads.f_axes[k], loads.m_axes[k]
-        f = mean(frames, Z, f_axes, times(matrix_at(R, f_axes), at(loads.f, k)))
-        m = mean(frames, Z, m_axes, times(matrix_at(R, m_axes), at(loads.m, k)))
+        f = mean(frames, Z, f_axes, direction(R, f_axes, at(loads.f, k)))
+        m = mean(frames, Z, m_axes, direction(R, m_axes, at(loads.m, k)))
         r = mean(frames, Z, loads.frame[k], at(start.loads.r, k))
         put(start.force, k, f)
         put(start.moment, k, moment(r, f, m))

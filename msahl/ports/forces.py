@@ -610,6 +610,21 @@ def publish_signals(
     actuator.publish_power(actuators, start.signals, start.place, table, row)
 
 
+@optional()
+def set_expressions(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> None:
+    """Evaluate all expressions at the prepared configuration."""
+    set_prepared_inputs(group, start, scalar)
+    results.evaluate(group, start.signals)
+
+
+@optional(0.0)
+def expression_at(group: Signals, start: ForcesWorkspace, place: int) -> float:
+    """Return the value at a ``place`` on the tape, after ``set_expressions``."""
+    return start.signals.values.value[place]
+
+
 @optional(-1.0)
 def margin_of_stops(
     group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
@@ -619,8 +634,7 @@ def margin_of_stops(
     """
     if group.stop.size == 0:
         return -1.0
-    set_prepared_inputs(group, start, scalar)
-    results.evaluate(group, start.signals)
+    set_expressions(group, start, scalar)
     return results.largest_margin(group, start.signals)
 
 
@@ -814,6 +828,11 @@ def laws_of_coordinates(forces: Forces) -> Iterator[tuple[int, int, float]]:
     """
     group = forces.spring
     yield from zip(group.table, group.coordinate, group.origin, strict=True)
+
+
+def places_of_stops(forces: Forces) -> list[int]:
+    """Return the places on the tape of the margins of conditions that end the run."""
+    return [] if forces.signals is None else list(forces.signals.stop.tolist())
 
 
 def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:

@@ -25,13 +25,11 @@ from msahl.algebra.vector import (
     at,
     cross,
     dot,
-    matrix_at,
     product,
     put,
     scale,
     skew,
     skew_product,
-    times,
 )
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import (
@@ -41,6 +39,8 @@ from msahl.elements.frames import (
     displacement_node,
     end_tangent,
     mean,
+    point_arm,
+    point_velocity,
     push,
     rotation_increment,
 )
@@ -84,14 +84,13 @@ def slope_of(group: PointForces, k: int, V: Vector) -> Matrix:
 def prepare(group: PointForces, R: np.ndarray, arm: np.ndarray) -> None:
     """Set the arms r (k, 3) in inertial axes."""
     for k in range(group.frame.size):
-        put(arm, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
+        put(arm, k, point_arm(R, group.frame[k], at(group.s, k)))
 
 
 @kernel
 def velocity(group: PointForces, arm: np.ndarray, motion: FramesWorkspace, k: int) -> Vector:
     """Return the velocity V of the point at one configuration."""
-    b = group.frame[k]
-    return add(at(motion.v, b), cross(at(motion.W, b), at(arm, k)))
+    return point_velocity(motion, group.frame[k], at(arm, k))
 
 
 @optional()

@@ -1,6 +1,7 @@
 """Decks that are written from models are read back to the same models."""
 
 import math
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from msahl.algebra.functions import Law
 from msahl.algebra.surfaces import Surface
 from msahl.check import check
-from msahl.deck import Source
+from msahl.deck import DeckError, Source
 from msahl.deck.write_model import write_deck
 from msahl.expressions.syntax import FUNCTIONS, Call, Lookup, Name, Number, parse
 from msahl.expressions.text import text_of
@@ -238,3 +239,41 @@ def test_what_no_deck_can_say_is_refused():
     load = ConcentratedLoad("F", "Bob", (0,) * 3, (0,) * 3, "Bob", (0,) * 3, "Bob", law)
     with pytest.raises(ValueError, match="polynomial of 7 numbers"):
         write_deck(replace(pendulum(), loads=(load,)))
+
+
+def tilted():
+    """A model whose joint has frames in full."""
+    model = hinged()
+    axes = ((0.8, 0.0, -0.6), (0.0, 1.0, 0.0), (0.6, 0.0, 0.8))
+    joint = replace(model.joints[0], parent_axes=axes, child_axes=axes)
+    return replace(model, joints=(joint,), markers=(Marker("M", "Bob", (0.0,) * 3, axes),))
+
+
+def beam():
+    (path,) = (path for path in ELASTIC if path.stem == "cantilever")
+    return Source.of_file(path).model(())
+
+
+@pytest.mark.parametrize(
+    ("model", "old", "new", "message"),
+    [
+        (tilted, r"<frame>[^<]*</frame>(?=\s*</parent>)", "", "is given on the child only"),
+        (tilted, r"<frame>", "<axis><z>1</z></axis><frame>", "<axis> is given beside <frame>"),
+        (tilted, r"<frame>\s*\S+", "<frame>", "it has 8 numbers; give nine"),
+        (tilted, r"<axes>\s*\S+", "<axes>2.0", "three right-handed unit vectors"),
+        (
+            tilted,
+            r"</axes>",
+            "</axes><eulerRotation><phi>1</phi><u1>1</u1></eulerRotation>",
+            "give ei",
+        ),
+        (beam, r"<strain>\s*\S+", "<strain>", "it does not have 6 numbers"),
+        (beam, r"<node>[^<]*</node>", "<node>Nowhere</node>", "node 'Nowhere' is not a body"),
+        (beam, r"<lengths>\s*\S+", "<lengths>-1.0", "an element has no length"),
+    ],
+)
+def test_faults_of_forms_in_full(model, old, new, message):
+    text, count = re.subn(old, new, write_deck(model()).decode(), count=1)
+    assert count == 1
+    with pytest.raises(DeckError, match=re.escape(message)):
+        read(text.encode())

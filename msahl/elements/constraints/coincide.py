@@ -22,14 +22,12 @@ from msahl.algebra.vector import (
     at,
     axpy,
     cross,
-    matrix_at,
     multiple,
     put,
     scale,
     skew,
     skew_product,
     sub,
-    times,
 )
 from msahl.elements.frames import (
     Frames,
@@ -38,6 +36,8 @@ from msahl.elements.frames import (
     displacement,
     end_tangent,
     mean,
+    point_arm,
+    point_velocity,
     push,
     rotation_increment,
 )
@@ -70,8 +70,8 @@ class CoincideWorkspace(NamedTuple):
 def prepare(group: Coincide, R: np.ndarray, start: CoincideWorkspace) -> None:
     """Carry the arms into inertial axes."""
     for k in range(group.a.size):
-        put(start.r_a, k, times(matrix_at(R, group.a[k]), at(group.s_a, k)))
-        put(start.r_b, k, times(matrix_at(R, group.b[k]), at(group.s_b, k)))
+        put(start.r_a, k, point_arm(R, group.a[k], at(group.s_a, k)))
+        put(start.r_b, k, point_arm(R, group.b[k], at(group.s_b, k)))
 
 
 @kernel
@@ -194,8 +194,8 @@ def violation_rate(
     """Set ``out`` (k, 3) to the velocity [m/s] of child point relative to parent point."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
-        v_a = add(at(frames.v, a), cross(at(frames.W, a), at(start.r_a, k)))
-        v_b = add(at(frames.v, b), cross(at(frames.W, b), at(start.r_b, k)))
+        v_a = point_velocity(frames, a, at(start.r_a, k))
+        v_b = point_velocity(frames, b, at(start.r_b, k))
         put(out, k, sub(v_b, v_a))
 
 

@@ -39,7 +39,6 @@ from msahl.algebra.vector import (
     axpy,
     cross,
     dot,
-    matrix_at,
     product,
     put,
     scale,
@@ -49,7 +48,15 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements.frames import Frames, displacement, end_tangent, mean, rotation_increment
+from msahl.elements.frames import (
+    Frames,
+    direction,
+    displacement,
+    end_tangent,
+    mean,
+    point_arm,
+    rotation_increment,
+)
 from msahl.jit.kernel import apart, kernel
 
 DOT, SLIDE, SLIP, ROLL = range(4)
@@ -95,10 +102,10 @@ def prepare(group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorksp
     """Carry the vectors into inertial axes and evaluate the products."""
     for k in range(group.kind.size):
         a, b = group.a[k], group.b[k]
-        n = times(matrix_at(R, group.owner[k]), at(group.n, k))
-        r_a = times(matrix_at(R, a), at(group.s_a, k))
-        r_b = times(matrix_at(R, b), at(group.s_b, k))
-        e = times(matrix_at(R, b), at(group.e, k))
+        n = direction(R, group.owner[k], at(group.n, k))
+        r_a = point_arm(R, a, at(group.s_a, k))
+        r_b = point_arm(R, b, at(group.s_b, k))
+        e = direction(R, b, at(group.e, k))
         D = add(sub(at(x, b), at(x, a)), sub(r_b, r_a))
         put(start.n, k, n)
         put(start.r_a, k, r_a)

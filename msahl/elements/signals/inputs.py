@@ -13,7 +13,6 @@ from msahl.algebra.vector import (
     axpy,
     cross,
     dot,
-    matrix_at,
     put,
     scale,
     times,
@@ -27,8 +26,11 @@ from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import (
     Frames,
     FramesWorkspace,
+    direction,
     displacement,
     end_tangent,
+    point_arm,
+    point_velocity,
     rotation_increment,
 )
 from msahl.elements.signals.group import (
@@ -59,12 +61,11 @@ def prepare(
     """
     for m in range(group.frame.size):
         f = group.frame[m]
-        R = matrix_at(motion.R, f)
-        r = times(R, at(group.s, m))
+        r = point_arm(motion.R, f, at(group.s, m))
         put(start.arm, m, r)
         put(start.place, m, add(at(x, f), r))
         for axis in range(3):
-            put(start.direction[m], axis, times(R, at(group.axes[m], axis)))
+            put(start.direction[m], axis, direction(motion.R, f, at(group.axes[m], axis)))
         _set_quaternion(group, start, at(p, f), m)
 
 
@@ -119,7 +120,7 @@ def set_inputs(
     """Set the inputs to those of the configuration, after ``scalar.rates``."""
     for m in range(group.frame.size):
         f = group.frame[m]
-        v = add(at(motion.v, f), cross(at(motion.W, f), at(start.arm, m)))
+        v = point_velocity(motion, f, at(start.arm, m))
         put(start.change, m, v)
         put(start.rotation, m, at(motion.W, f))
     _set_values(group, start, 0.0, 1.0)

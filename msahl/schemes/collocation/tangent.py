@@ -56,10 +56,7 @@ def differentiate(pair: CollocationPair, tangents: Tangents, h: float) -> None:
     block_lu.factor(lu, stages.source, stages.values, tangents.factor, member.pivot_rows)
     for j in range(tangents.changes.size):
         e = difference_size(tangents, base.workspace.system.frames, j, h)
-        for s in range(tangents.step.shape[0]):
-            for n in range(tangents.step.shape[1]):
-                for i in range(3):
-                    tangents.step[s, n, i] = 0.0
+        tangents.step[:] = 0.0
         left = 1.0
         for k in range(ROUNDS):
             clear(tangents, j, rows)
@@ -80,10 +77,7 @@ def _sum(
     the step, and the rows of results.
     """
     member, F = pair.member, pair.member.stages.F
-    for s in range(F.shape[0]):
-        for n in range(F.shape[1]):
-            for i in range(3):
-                tangents.rows[s, n, i] = 0.0
+    tangents.rows[:] = 0.0
     for k in range(MEMBERS):
         weighted, moved = weight(k) / e, shift_of(k) * e
         h_k = h + moved * tangents.size_slope[j]

@@ -1,1 +1,4 @@
-"""What all schemes share: work arrays, criteria, accelerations at one time, tangents of steps."""
+"""What all schemes share: work arrays, criteria, accelerations at one time, tangents of steps.
+
+What a scheme must provide is numbered in ``docs/adding-a-scheme.md``.
+"""

@@ -85,9 +85,7 @@ def new_instant(
 @unit
 def assemble(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the right-hand side ``rows`` and factor the matrix."""
-    for node in range(instant.rows.shape[0]):
-        for i in range(3):
-            instant.rows[node, i] = 0.0
+    instant.rows[:] = 0.0
     evaluate.free_acceleration(system, state, start, instant.Z, instant.rows)
     evaluate.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
     sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)

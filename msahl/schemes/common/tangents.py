@@ -164,11 +164,9 @@ def restore_numbers(tangents: Tangents, j: int) -> None:
 @kernel
 def clear(tangents: Tangents, j: int, rows: int) -> None:
     """Clear the sums of parameter ``j``; ``rows`` is the number of rows of results."""
-    for i in range(tangents.total.size):
-        tangents.total[i] = 0.0
+    tangents.total[:] = 0.0
     if rows > 0:
-        for i in range(tangents.result.size):
-            tangents.result_slope[j, i] = 0.0
+        tangents.result_slope[j] = 0.0
 
 
 @kernel

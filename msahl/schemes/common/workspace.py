@@ -78,12 +78,8 @@ def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
     record_figures(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:
         write_row(workspace, h, row)
-    for k in range(workspace.mean_force.shape[0]):
-        for i in range(3):
-            workspace.mean_force[k, i] = 0.0
-    for k in range(workspace.mean_reaction.shape[0]):
-        for i in range(6):
-            workspace.mean_reaction[k, i] = 0.0
+    workspace.mean_force[:] = 0.0
+    workspace.mean_reaction[:] = 0.0
 
 
 @apart

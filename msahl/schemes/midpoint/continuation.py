@@ -13,17 +13,17 @@ Source: E. L. Allgower, K. Georg, Introduction to Numerical Continuation Methods
 2, 6 and 11.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from msahl.jit.compiled import compiled
 from msahl.schemes.common.criteria import DIVERGED, STUCK
+from msahl.schemes.common.scipy_root import CountWork
 from msahl.schemes.common.workspace import Workspace
-from msahl.schemes.midpoint import free_equations, load_moments, newton
+from msahl.schemes.midpoint import load_moments
 from msahl.schemes.midpoint.newton import LONG_TARGET
-from msahl.schemes.midpoint.scipy_root import Equations, remove_null_parts
+from msahl.schemes.midpoint.scipy_root import Equations
 from msahl.schemes.outcome import TOLERANCE, Outcome
 
 FIRST, SMALLEST = 0.25, 2.0**-10
@@ -42,8 +42,6 @@ DIFFERENCE = 1e-7
 
 
 _set_loads = compiled(load_moments.set_loads)
-_predict = compiled(free_equations.predict)
-_accept_step = compiled(newton.accept_step)
 
 
 class Steps(Protocol):
@@ -65,9 +63,9 @@ class Steps(Protocol):
 class _Steps:
     """``Steps`` from the state of a ``workspace``, of the size ``h`` and below."""
 
-    def __init__(self, workspace: Workspace, h: float, count_work: Callable[[int], None]) -> None:
-        self.workspace, self.h, self.count_work = workspace, h, count_work
-        self.s, self.step = 0.0, Equations(workspace, 0.0, count_work)
+    def __init__(self, workspace: Workspace, h: float, share: float, count_work: CountWork) -> None:
+        self.workspace, self.h, self.share, self.count_work = workspace, h, share, count_work
+        self.s, self.step = 0.0, Equations(workspace, 0.0, 0.0, count_work)
 
     def residual_of(self, z: np.ndarray, s: float) -> np.ndarray:
         """See ``Steps``."""
@@ -82,9 +80,7 @@ class _Steps:
     def predicted(self, s: float) -> np.ndarray:
         """See ``Steps``."""
         self._set_size(s)
-        z = np.empty(self.step.size)
-        _predict(self.workspace, s * self.h, z)
-        return z
+        return self.step.predict()
 
     def relative(self) -> float:
         """See ``Steps``."""
@@ -93,24 +89,23 @@ class _Steps:
     def _set_size(self, s: float) -> None:
         """Set the loads to those of the step ``s`` h."""
         if s != self.s:
-            self.s, self.step = s, Equations(self.workspace, s * self.h, self.count_work)
-            _set_loads(self.workspace, s * self.h)
+            h, share = s * self.h, s * self.share
+            self.s, self.step = s, Equations(self.workspace, h, share, self.count_work)
+            _set_loads(self.workspace, h)
 
 
-def take_step(
-    workspace: Workspace, h: float, share: float, count_work: Callable[[int], None]
-) -> Outcome:
+def take_step(workspace: Workspace, h: float, share: float, count_work: CountWork) -> Outcome:
     """Take a step of size ``h``, a ``share`` of the requested one, if the path leads to it;
     ``count_work`` receives the work done.
     """
-    steps = _Steps(workspace, h, count_work)
+    steps = _Steps(workspace, h, share, count_work)
     z = follow(steps)
     if z is None:
         return Outcome(np.inf, steps.step.outcome.worst)
     if workspace.system.relaxation > 0.0:
-        remove_null_parts(steps.step, z)
+        steps.step.remove_null_parts(z)
     if steps.step.outcome.converged:
-        _accept_step(workspace, h, share)
+        steps.step.accept(z)
     return steps.step.outcome
 
 

@@ -58,9 +58,7 @@ def differentiate(pair: Pair, tangents: Tangents, h: float, share: float, rows: 
     sparse_lu.factor(base.unknowns.elimination, member.values, tangents.factor)
     for j in range(tangents.changes.size):
         e = difference_size(tangents, base.system.frames, j, h)
-        for n in range(tangents.step.shape[0]):
-            for i in range(3):
-                tangents.step[n, i] = 0.0
+        tangents.step[:] = 0.0
         left = 1.0
         for k in range(ROUNDS):
             clear(tangents, j, rows)
@@ -81,9 +79,7 @@ def _sum(
     the end of the step, and the rows of results where it is 1.
     """
     member = pair.member
-    for n in range(tangents.rows.shape[0]):
-        for i in range(3):
-            tangents.rows[n, i] = 0.0
+    tangents.rows[:] = 0.0
     for k in range(MEMBERS):
         weighted, moved = weight(k) / e, shift_of(k) * e
         h_k = h + moved * tangents.size_slope[j]
