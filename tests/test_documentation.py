@@ -12,7 +12,7 @@ import click
 import pytest
 
 from msahl.elements import rigid_body
-from msahl.ports import point
+from msahl.ports import coordinate, point
 from tests.support.models import ROOT
 
 PAGES = [
@@ -23,7 +23,7 @@ PAGES = [
 ]
 
 
-ADDED = {"point_on_cylinder", "viscous", "viscous_drag"}
+ADDED = {"point_on_cylinder", "viscous", "viscous_drag", "cogging"}
 """Files that a reader of the guide to new elements makes."""
 
 
@@ -99,7 +99,12 @@ def functions_of(heading):
 
 
 @pytest.mark.parametrize(
-    ("heading", "module"), [("Adding a force", point), ("Adding a kind of body", rigid_body)]
+    ("heading", "module"),
+    [
+        ("Adding a force", point),
+        ("Adding a force along a coordinate", coordinate),
+        ("Adding a kind of body", rigid_body),
+    ],
 )
 def test_the_guide_names_the_functions_of_an_element(heading, module):
     names = functions_of(heading)

@@ -31,6 +31,7 @@ ORDER = (
     "beams",
     "deck",
     "system",
+    "events",
     "start",
     "schemes",
     "run",

@@ -15,13 +15,13 @@ from msahl.check.signals import (
     marker_actuator_findings,
 )
 from msahl.joints.registry import KINDS
-from msahl.laws.law import PointLaw
-from msahl.laws.registry import POINT_LAWS
+from msahl.laws.law import CoordinateLaw, PointLaw
+from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
-    Friction,
     JointActuator,
+    JointLoad,
     JointMotion,
     JointSpring,
     MarkerActuator,
@@ -53,7 +53,9 @@ def point_load_findings(load: PointLoad, context: Context) -> Iterator[Finding]:
     yield from law_findings(load, POINT_LAWS)
 
 
-def law_findings(load: PointLoad, laws: Mapping[str, PointLaw]) -> Iterator[Finding]:
+def law_findings(
+    load: PointLoad | JointLoad, laws: Mapping[str, PointLaw] | Mapping[str, CoordinateLaw]
+) -> Iterator[Finding]:
     """Find a law that is none of the ``laws``, and numbers that are not those of its fields."""
     law = laws.get(load.law)
     if law is None:
@@ -133,20 +135,17 @@ def bushing_findings(bushing: Bushing, context: Context) -> Iterator[Finding]:
         yield Finding("numbers", message)
 
 
-def friction_findings(friction: Friction, context: Context) -> Iterator[Finding]:
-    """Find a joint whose friction is not modelled, and numbers of the wrong sign."""
-    yield from coordinate_findings("joint", friction.joint, friction.coordinate, context)
-    kind = KINDS.get(context.kinds.get(friction.joint, ""))
-    if kind is not None and not kind.bearing:
+def joint_load_findings(load: JointLoad, context: Context) -> Iterator[Finding]:
+    """Find a coordinate or a law that does not exist, numbers it does not take, and a joint whose
+    reaction the law needs and which is not modelled.
+    """
+    yield from coordinate_findings("joint", load.joint, load.coordinate, context)
+    kind = KINDS.get(context.kinds.get(load.joint, ""))
+    law = JOINT_LAWS.get(load.law)
+    if kind is not None and law is not None and law.by_reaction and not kind.bearing:
         known = ", ".join(name for name, other in KINDS.items() if other.bearing)
-        yield Finding("joint", f"friction in a {kind.name} is not modelled; name one of {known}")
-    yield from negative("coefficient", friction.coefficient)
-    yield from negative("radius", friction.radius)
-    if not friction.width > 0.0:
-        message = (
-            f"it is {friction.width:g}; it must be greater than zero, a small share of usual speeds"
-        )
-        yield Finding("width", message)
+        yield Finding("joint", f"{law.name} in a {kind.name} is not modelled; name one of {known}")
+    yield from law_findings(load, JOINT_LAWS)
 
 
 def joint_motion_findings(motion: JointMotion, context: Context) -> Iterator[Finding]:
@@ -184,7 +183,7 @@ RULES: dict[type, Callable[[Any, Context], Iterator[Finding]]] = {
     SpringDamper: spring_findings,
     JointSpring: joint_spring_findings,
     Bushing: bushing_findings,
-    Friction: friction_findings,
+    JointLoad: joint_load_findings,
     JointMotion: joint_motion_findings,
     PointMotion: point_motion_findings,
     JointActuator: joint_actuator_findings,

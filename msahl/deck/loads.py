@@ -10,9 +10,9 @@ from msahl.deck.laws import read_law
 from msahl.deck.signals import read_factor
 from msahl.deck.values import Reader
 from msahl.expressions.syntax import Tree
-from msahl.laws.law import PointLaw
-from msahl.laws.registry import POINT_LAWS
-from msahl.model.loads import ConcentratedLoad, Friction, PointLoad
+from msahl.laws.law import CoordinateLaw, PointLaw
+from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
+from msahl.model.loads import ConcentratedLoad, JointLoad, PointLoad
 
 
 def read_concentrated(element: Element, reader: Reader) -> ConcentratedLoad:
@@ -112,7 +112,7 @@ def read_point_load(element: Element, reader: Reader) -> PointLoad:
 
 
 def _parameters(
-    element: Element, law: PointLaw, reader: Reader, coordinate: str = ""
+    element: Element, law: PointLaw | CoordinateLaw, reader: Reader, coordinate: str = ""
 ) -> tuple[tuple[str, float], ...]:
     """Return the numbers of a law by name [SI]; it may act along a ``coordinate`` of a joint."""
     found = []
@@ -131,33 +131,18 @@ def _parameters(
     return tuple(found)
 
 
-def read_friction(element: Element, reader: Reader) -> Friction:
-    """Return the record of a ``<friction>``."""
-    coordinate = text(element.find("coordinate"))
-    speed = "angularVelocity" if coordinate == "angle" else "velocity"
-    friction = Friction(
+def read_joint_load(element: Element, reader: Reader) -> JointLoad:
+    """Return the record of a force along a joint's coordinate by a law of ``msahl.laws``."""
+    law, coordinate = JOINT_LAWS[str(element.tag)], text(element.find("coordinate"))
+    load = JointLoad(
         name=text(element.find("name")),
+        law=law.name,
         joint=text(element.find("joint")),
         coordinate=coordinate,
-        coefficient=reader.number(element.find("coefficient")),
-        radius=_bearing_radius(element, coordinate, reader),
-        width=reader.number(element.find("width"), speed),
+        parameters=_parameters(element, law, reader, coordinate),
     )
-    reader.add(element, element_findings(friction, reader.context))
-    return friction
-
-
-def _bearing_radius(element: Element, coordinate: str, reader: Reader) -> float:
-    """Return the arm of the friction about an axis [m]; 1 for friction along it."""
-    place = element.find("radius")
-    if coordinate == "slide":
-        if place is not None:
-            reader.faults.add(place, "friction along a slide has no radius; delete it")
-        return 1.0
-    if place is None:
-        reader.faults.add(element, "<radius> is missing; add that of the bearing")
-        return 1.0
-    return reader.number(place, "length")
+    reader.add(element, element_findings(load, reader.context))
+    return load
 
 
 def _resultant(

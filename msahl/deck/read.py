@@ -29,7 +29,7 @@ from msahl.deck.loads import (
     read_body_force,
     read_concentrated,
     read_distributed,
-    read_friction,
+    read_joint_load,
     read_point_load,
 )
 from msahl.deck.markers import read_group, read_marker, read_sensor
@@ -42,7 +42,7 @@ from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damp
 from msahl.deck.units import Parameter
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
-from msahl.laws.registry import POINT_LAWS
+from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
@@ -67,7 +67,7 @@ LOADS: Mapping[str, Read] = {
     "slideSpringDamper": read_joint_spring,
     "bushing": read_bushing,
     **dict.fromkeys(POINT_LAWS, read_point_load),
-    "friction": read_friction,
+    **dict.fromkeys(JOINT_LAWS, read_joint_load),
     "actuator": read_actuator,
 }
 ON_BEAMS: Mapping[str, Callable[[Element, Reader], Iterable[ConcentratedLoad]]] = {

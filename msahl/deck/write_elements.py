@@ -1,6 +1,6 @@
 """Writers of joints, couplings, motions and loads: records -> elements."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from msahl.algebra.functions import Law
@@ -17,14 +17,15 @@ from msahl.deck.motions import UNIT
 from msahl.deck.springs import ALONG, QUANTITIES
 from msahl.expressions.text import text_of
 from msahl.joints.registry import KINDS
-from msahl.laws.registry import POINT_LAWS
+from msahl.laws.law import Field
+from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Friction,
     Joint,
     JointActuator,
+    JointLoad,
     JointMotion,
     JointSpring,
     MarkerActuator,
@@ -207,19 +208,25 @@ def _point_load(group: Element, load: PointLoad, context: Context) -> None:
     element = _named(group, load.law, load.name)
     child(element, "body", load.body)
     vector(element, "position", load.point)
-    for field, (_, value) in zip(POINT_LAWS[load.law].fields, load.parameters, strict=True):
-        if value != field.default:
-            number(element, field.name, value, field.quantity_along("") or "")
+    _parameters(element, POINT_LAWS[load.law].fields, load)
 
 
-def _friction(group: Element, load: Friction, context: Context) -> None:
-    element, is_angle = _named(group, "friction", load.name), load.coordinate == "angle"
+def _joint_load(group: Element, load: JointLoad, context: Context) -> None:
+    element = _named(group, load.law, load.name)
     child(element, "joint", load.joint)
     child(element, "coordinate", load.coordinate)
-    number(element, "coefficient", load.coefficient)
-    if is_angle:
-        number(element, "radius", load.radius, "length")
-    number(element, "width", load.width, "angularVelocity" if is_angle else "velocity")
+    _parameters(element, JOINT_LAWS[load.law].fields, load, load.coordinate)
+
+
+def _parameters(
+    element: Element, fields: Sequence[Field], load: PointLoad | JointLoad, coordinate: str = ""
+) -> None:
+    """Add the numbers of a law, which may act along a ``coordinate``, but for its defaults."""
+    values = dict(load.parameters)
+    for field in fields:
+        quantity = field.quantity_along(coordinate)
+        if quantity is not None and values[field.name] != field.default:
+            number(element, field.name, values[field.name], quantity)
 
 
 def _joint_actuator(group: Element, load: JointActuator, context: Context) -> None:
@@ -244,7 +251,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     JointSpring: _joint_spring,
     Bushing: _bushing,
     PointLoad: _point_load,
-    Friction: _friction,
+    JointLoad: _joint_load,
     JointActuator: _joint_actuator,
     MarkerActuator: _marker_actuator,
 }

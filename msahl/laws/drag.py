@@ -1,10 +1,8 @@
 """Quadratic drag against the velocity V of a point relative to the inertial axes.
 
-    F = -c |V| V                          force at the point [N]
-    dF/dV = -c (|V| 1 + V V^T/|V|)
-    c     drag coefficient [N s^2/m^2]
-
-Source: the law of Newton's drag in any textbook.
+F = -c |V| V                          force at the point [N]
+dF/dV = -c (|V| 1 + V V^T/|V|)
+c     drag coefficient [N s^2/m^2]; the law is Newton's, in any textbook
 """
 
 import math

@@ -9,6 +9,10 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from msahl.jit.kernel import kernel
+
 Kernel = Callable[..., Any]
 
 
@@ -44,3 +48,54 @@ class PointLaw(NamedTuple):
     load: Kernel
     slope: Kernel
     fields: tuple[Field, ...]
+
+
+@kernel
+def no_tension(c: np.ndarray, q: float, free: float) -> tuple[float, float]:
+    """Tension of a law that does not depend on its coordinate, and its derivative."""
+    return 0.0, 0.0
+
+
+@kernel
+def no_potential(c: np.ndarray, q: float, free: float) -> float:
+    """Potential of such a law."""
+    return 0.0
+
+
+@kernel
+def no_mean_tension(c: np.ndarray, q: float, dq: float, free: float) -> tuple[float, float]:
+    """Mean tension of such a law, and its derivative by dq."""
+    return 0.0, 0.0
+
+
+@kernel
+def no_resistance(c: np.ndarray, rate: float, N: float) -> tuple[float, float]:
+    """Resistance of a law that does not depend on the rate, and its derivative."""
+    return 0.0, 0.0
+
+
+class CoordinateLaw(NamedTuple):
+    """A force along a coordinate q: a tension by its value and a resistance by its rate.
+
+    The load is -(T + R) [N, or N m along an angle]. ``tension(c, q, free)`` returns T and dT/dq,
+    ``potential(c, q, free)`` the integral of T from ``free`` to q; ``resistance(c, rate, N)`` R and
+    its derivative by the rate, with N the magnitude of the joint's reaction force. ``c`` are the
+    numbers of ``fields``. ``mean_tension(c, q, dq, free)``, the quotient of the potential's change
+    and dq, with its derivative by dq, is computed from the other two where a law does not give it.
+    ``by_reaction`` marks a resistance that depends on N; ``width`` names the number of a resistance
+    that rises within a small rate: that rate.
+    """
+
+    name: str
+    fields: tuple[Field, ...]
+    tension: Kernel = no_tension
+    potential: Kernel = no_potential
+    mean_tension: Kernel | None = None
+    resistance: Kernel = no_resistance
+    by_reaction: bool = False
+    width: str | None = None
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether the law has a potential."""
+        return self.potential is not no_potential

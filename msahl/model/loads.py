@@ -96,17 +96,15 @@ class PointLoad:
 
 
 @dataclass(frozen=True, slots=True)
-class Friction:
-    """Friction along the ``coordinate`` of ``joint``: ``coefficient`` times ``radius`` [m] (1 for a
-    slide) times the joint's reaction, nearly fully developed at the speed ``width`` [m/s or rad/s].
-    """
+class JointLoad:
+    """Force along the ``coordinate`` of ``joint`` by a ``law`` of ``msahl.laws``, for example
+    friction. ``parameters`` are the law's fields by name, in SI."""
 
     name: str
+    law: str
     joint: str
     coordinate: str
-    coefficient: float
-    radius: float
-    width: float
+    parameters: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,4 +130,4 @@ class MarkerActuator:
 
 
 Actuator = JointActuator | MarkerActuator
-Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | PointLoad | Friction | Actuator
+Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | PointLoad | JointLoad | Actuator

@@ -1,6 +1,6 @@
 """Springs in the compliance form: their loads are unknowns of the step, as multipliers are.
 
-The law is that of ``spring``, divided by the stiffness:
+The law is that of ``laws.spring`` with a damper, divided by the stiffness:
 
     lam/k + e + T_0/k + tau e_dot = 0          load lam along q [N, or N m along an angle]
 
@@ -10,7 +10,7 @@ Over a step of size h of the midpoint element, with e1 = e0 + dq and the mean lo
 
     lam/k + (e0 + e1)/2 + T_0/k + tau dq/h + chi/2 (dq - s) = 0
 
-which is the equation of ``spring`` in exact arithmetic: energy and work are the same. But a step
+which is that of ``coordinate`` in exact arithmetic: energy and work are the same. But a step
 solves for lam and for the positions together. So a large stiffness is a small compliance: no large
 number multiplies the round-off of positions, and Newton's method converges as it does for a
 constraint. The elongation is carried on by its changes, like a violation; its round-off is that of
@@ -49,8 +49,8 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel, optional
-from msahl.ports import spring
-from msahl.ports.spring import Springs
+from msahl.ports import coordinate as spring
+from msahl.ports.coordinate import AlongForces
 
 
 class Compliances(NamedTuple):
@@ -67,14 +67,14 @@ class Compliances(NamedTuple):
 
 
 @kernel
-def coordinate_of(group: Compliances, springs: Springs, j: int) -> int:
+def coordinate_of(group: Compliances, springs: AlongForces, j: int) -> int:
     """Return the coordinate along which spring ``j`` acts."""
     q: int = springs.coordinate[group.spring[j]]
     return q
 
 
 @kernel
-def retardation(group: Compliances, springs: Springs, j: int) -> float:
+def retardation(group: Compliances, springs: AlongForces, j: int) -> float:
     """Return tau [s]."""
     tau: float = group.compliance[j] * springs.damping[group.spring[j]]
     return tau
@@ -88,22 +88,22 @@ def own_compliance(group: Compliances, j: int) -> float:
 
 
 @kernel
-def share_of_change(group: Compliances, springs: Springs, j: int, h: float) -> float:
+def share_of_change(group: Compliances, springs: AlongForces, j: int, h: float) -> float:
     """Return the derivative of an equation over a step, before scaling, by the change of q."""
     decay = group.compliance[j] * springs.decay[group.spring[j]]
     return 0.5 + retardation(group, springs, j) / h + decay
 
 
 @kernel
-def strain(group: Compliances, springs: Springs, j: int, elongation: float) -> float:
+def strain(group: Compliances, springs: AlongForces, j: int, elongation: float) -> float:
     """Return e + T_0/k."""
-    return elongation + group.compliance[j] * springs.preload[group.spring[j]]
+    return elongation + group.compliance[j] * springs.constants[group.spring[j], 0]
 
 
 @optional()
 def set_loads(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     laws: Laws,
     frames: Frames,
     start: CoordinatesWorkspace,
@@ -124,7 +124,7 @@ def set_loads(
 
 @optional()
 def add_loads(
-    group: Compliances, springs: Springs, load: np.ndarray, start: CoordinatesWorkspace
+    group: Compliances, springs: AlongForces, load: np.ndarray, start: CoordinatesWorkspace
 ) -> None:
     """Add ``load`` (c,) to the coordinates' loads."""
     for j in range(group.spring.size):
@@ -136,7 +136,7 @@ def add_loads(
 @optional()
 def add_derivatives(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     laws: Laws,
     coords: Coordinates,
     start: CoordinatesWorkspace,
@@ -146,7 +146,9 @@ def add_derivatives(
 ) -> None:
     """Add the derivatives of the loads by places and rates, of ``set_loads``, by mass."""
     for j in range(group.spring.size):
-        spring.add_derivative(springs, laws, group.spring[j], coords, start, frames, motion, out)
+        spring.add_derivative(
+            springs, laws, group.spring[j], coords, start, frames, motion, 0.0, out
+        )
 
 
 @optional()
@@ -165,7 +167,7 @@ def _own_place(group: Compliances, j: int) -> int:
 
 
 @kernel
-def divisor(group: Compliances, springs: Springs, j: int, step: tuple[float, float]) -> float:
+def divisor(group: Compliances, springs: AlongForces, j: int, step: tuple[float, float]) -> float:
     """Return what an equation, times dt2, is divided by [s^2]; ``step`` is (h, dt2)."""
     h, dt2 = step
     return 2.0 * dt2 * share_of_change(group, springs, j, h) + own_compliance(group, j)
@@ -174,7 +176,7 @@ def divisor(group: Compliances, springs: Springs, j: int, step: tuple[float, flo
 @optional()
 def mean_residual(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     start: CoordinatesWorkspace,
     elongation: np.ndarray,
     stretch: np.ndarray,
@@ -203,7 +205,7 @@ def mean_residual(
 @optional()
 def mean_jacobian(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
@@ -222,7 +224,7 @@ def mean_jacobian(
 @kernel
 def _add_blocks(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
@@ -248,7 +250,10 @@ def _add_blocks(
 
 @optional()
 def accept(
-    group: Compliances, springs: Springs, start: CoordinatesWorkspace, elongation: np.ndarray
+    group: Compliances,
+    springs: AlongForces,
+    start: CoordinatesWorkspace,
+    elongation: np.ndarray,
 ) -> None:
     """Advance ``elongation`` (c,) by the changes over the step evaluated last."""
     for j in range(group.spring.size):
@@ -258,7 +263,7 @@ def accept(
 @optional()
 def set_stage_elongations(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     coords: Coordinates,
     begin: CoordinatesWorkspace,
     frames: Frames,
@@ -277,7 +282,7 @@ def set_stage_elongations(
 @optional()
 def set_increments(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     coords: Coordinates,
     frames: Frames,
     Z: np.ndarray,
@@ -298,7 +303,7 @@ def set_increments(
 @optional()
 def correct_elongations(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     start: CoordinatesWorkspace,
     share: float,
     elongation: np.ndarray,
@@ -313,7 +318,7 @@ def correct_elongations(
 
 
 @kernel
-def stage_divisor(group: Compliances, springs: Springs, j: int, h: float) -> float:
+def stage_divisor(group: Compliances, springs: AlongForces, j: int, h: float) -> float:
     """Return what an equation at a node, times h^2/2, is divided by [s^2]."""
     return h * (0.5 * h + retardation(group, springs, j)) + own_compliance(group, j)
 
@@ -321,7 +326,7 @@ def stage_divisor(group: Compliances, springs: Springs, j: int, h: float) -> flo
 @optional()
 def set_stage_equations(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     frames: Frames,
     node_values: tuple[np.ndarray, np.ndarray, np.ndarray],
     h: float,
@@ -346,7 +351,7 @@ def set_stage_equations(
 @optional()
 def add_stage_derivatives(
     group: Compliances,
-    springs: Springs,
+    springs: AlongForces,
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,

@@ -6,8 +6,8 @@ the same order; schemes, start, study and diagnostics call nothing else. Gravity
 moments are inertial and belong to ``elements.rigid_body``.
 
     concentrated, point    act on a point of a body and write to the rows of bodies
-    spring, compliance,    act along a coordinate; their loads are summed with the multipliers of
-    friction, actuator     constraint equations and then distributed to the rows of bodies
+    coordinate, compliance,  act along a coordinate; their loads are summed with the multipliers of
+    actuator                 constraint equations and then distributed to the rows of bodies
 
 At one configuration (``set_time`` or ``set_node``, then ``add_forces``, ``add_derivatives``,
 ``add_power``) rows are accelerations: a force by mass [m/s^2], a moment by mass and length [m/s^2].
@@ -18,7 +18,7 @@ Over a step of the midpoint element (``over_step``, then ``mean_residual``, ``me
 decaying scheme, more.
 
 In a system without coordinates ``scalar`` is None, and the kernels compiled for it hold no code of
-springs and friction; likewise ``compliance`` in a system without springs in the compliance form,
+forces along coordinates; likewise ``compliance`` without springs in the compliance form,
 ``signals`` and ``actuator`` in a system without expressions of the motion. Signals are evaluated
 before the forces that depend on them.
 """
@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import Laws, evaluate
+from msahl.algebra.functions import Laws
 from msahl.elements.constraints import coordinate_jacobians, coordinates
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
@@ -44,17 +44,15 @@ from msahl.ports import (
     compliance,
     concentrated,
     controlled,
-    friction,
+    coordinate,
     point,
-    spring,
 )
 from msahl.ports.actuator import Actuators
 from msahl.ports.compliance import Compliances
 from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.ports.controlled import ControlledLoads, ControlledWorkspace
-from msahl.ports.friction import Frictions
+from msahl.ports.coordinate import AlongForces
 from msahl.ports.point import PointForces
-from msahl.ports.spring import Springs
 
 
 class Forces(NamedTuple):
@@ -62,16 +60,15 @@ class Forces(NamedTuple):
 
     concentrated: ConcentratedLoads
     point: PointForces | None
-    spring: Springs
+    along: AlongForces
     compliance: Compliances | None
-    friction: Frictions
     actuator: Actuators | None
     controlled: ControlledLoads | None
     signals: Signals | None  # expressions of the motion
     laws: Laws  # of time and of coordinates, to which the groups refer by number
 
 
-ReactionForces = Frictions
+ReactionForces = AlongForces
 """The forces that depend on the joints' reactions."""
 
 
@@ -108,7 +105,7 @@ def new_workspace(
         concentrated=concentrated.new_workspace(forces.concentrated),
         point=point.new_arms(forces.point),
         reactions=np.zeros_like(reaction),
-        elastic=np.zeros(forces.spring.coordinate.size),
+        elastic=np.zeros(forces.along.coordinate.size),
         stretch=stretch,
         elongation=elongation,
         load=np.zeros_like(elongation),
@@ -180,9 +177,9 @@ def add_forces(
     _evaluate_signals(forces.signals, start, scalar)
     if scalar is not None:
         q = start.place.coordinates
-        spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, start.place.rate)
-        compliance.add_loads(forces.compliance, forces.spring, start.load, q)
-        friction.add_load(forces.friction, reaction, q, start.place.rate)
+        rate = start.place.rate
+        coordinate.add_load(forces.along, forces.laws, scalar.coordinates, q, rate, reaction)
+        compliance.add_loads(forces.compliance, forces.along, start.load, q)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
     controlled.add_force(
@@ -215,10 +212,9 @@ def add_derivatives(
     if scalar is None:
         return
     place, group = start.place, scalar.coordinates
-    spring.add_derivatives(
-        forces.spring, forces.laws, group, place.coordinates, frames, motion, out
+    coordinate.add_derivatives(
+        forces.along, forces.laws, group, place, reaction, frames, motion, out
     )
-    friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
     # The unit forces' mean over a step changes by half as much as the forces themselves.
     coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
@@ -241,8 +237,7 @@ def add_power(
     point.add_power(forces.point, start.point, start.motion, dt, work)
     if scalar is None:
         return
-    spring.add_power(forces.spring, start.place.rate, dt, work)
-    friction.add_power(forces.friction, reaction, start.place.rate, dt, work)
+    coordinate.add_power(forces.along, reaction, start.place.rate, dt, work)
     actuator.add_power(forces.actuator, start.signals, start.place, dt, work)
 
 
@@ -259,7 +254,7 @@ def set_compliant_loads(
     """
     if scalar is not None:
         q, rate = start.place.coordinates, start.place.rate
-        group, springs = forces.compliance, forces.spring
+        group, springs = forces.compliance, forces.along
         compliance.set_loads(group, springs, forces.laws, frames, q, rate, start.load, F)
 
 
@@ -273,7 +268,7 @@ def add_compliant_derivatives(
 ) -> None:
     """Add the derivatives of the loads that ``set_compliant_loads`` sets."""
     if scalar is not None:
-        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        group, springs, q = forces.compliance, forces.along, start.place.coordinates
         compliance.add_derivatives(
             group, springs, forces.laws, scalar.coordinates, q, frames, start.motion, out
         )
@@ -291,7 +286,7 @@ def isolate_multipliers(forces: Forces, values: np.ndarray) -> None:
 def accept(forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None) -> None:
     """Advance the elongations of springs in the compliance form by the step evaluated last."""
     if scalar is not None:
-        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        group, springs, q = forces.compliance, forces.along, start.place.coordinates
         compliance.accept(group, springs, q, start.elongation)
 
 
@@ -303,7 +298,7 @@ def correct_elongations(
     places by a ``share``; 1 sets them.
     """
     if scalar is not None:
-        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        group, springs, q = forces.compliance, forces.along, start.place.coordinates
         compliance.correct_elongations(group, springs, q, share, start.elongation)
 
 
@@ -320,7 +315,7 @@ def set_stage_elongations(
     collocation step, whose workspace is ``begin``.
     """
     if scalar is not None:
-        group, springs, q = forces.compliance, forces.spring, begin.place.coordinates
+        group, springs, q = forces.compliance, forces.along, begin.place.coordinates
         elongations = begin.elongation, elongation
         compliance.set_stage_elongations(
             group, springs, scalar.coordinates, q, frames, increments, elongations
@@ -340,7 +335,7 @@ def accept_stage(
     ``Z`` are the displacements and rotation parameters; ``increments`` (nodes, 3) is a work array.
     """
     if scalar is not None:
-        group, springs, q = forces.compliance, forces.spring, begin.place.coordinates
+        group, springs, q = forces.compliance, forces.along, begin.place.coordinates
         compliance.set_increments(group, springs, scalar.coordinates, frames, Z, increments)
         elongations = begin.elongation, begin.elongation
         compliance.set_stage_elongations(
@@ -363,7 +358,7 @@ def set_stage_loads(
     """
     if scalar is not None:
         at_node = start.elongation, start.place.rate, start.load
-        group, springs = forces.compliance, forces.spring
+        group, springs = forces.compliance, forces.along
         compliance.set_stage_equations(group, springs, frames, at_node, h, Z, F)
 
 
@@ -380,7 +375,7 @@ def add_stage_derivatives(
     ``add_derivatives``.
     """
     if scalar is not None:
-        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        group, springs, q = forces.compliance, forces.along, start.place.coordinates
         compliance.add_stage_derivatives(
             group, springs, scalar.coordinates, q, frames, start.motion, h, out
         )
@@ -413,12 +408,14 @@ def mean_residual(
     _evaluate_signals_over_step(forces.signals, start, scalar, frames, h, Z)
     if scalar is not None:
         q = start.place.coordinates
-        spring.add_mean_load(forces.spring, forces.laws, scalar.coordinates, q, start.stretch, h)
+        coordinate.add_mean_load(
+            *(forces.along, forces.laws, scalar.coordinates, q, start.stretch),
+            *(start.reactions, h),
+        )
         compliance.mean_residual(
-            *(forces.compliance, forces.spring, q, start.elongation, start.stretch, frames),
+            *(forces.compliance, forces.along, q, start.elongation, start.stretch, frames),
             *(step, Z, F),
         )
-        friction.add_mean_load(forces.friction, start.reactions, q, h)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
     controlled.mean_residual(
@@ -446,9 +443,10 @@ def mean_jacobian(
     inputs.differentiate_over_step(forces.signals, start.signals, frames, scalar, start.place, h, Z)
     if scalar is not None:
         q, group = start.place.coordinates, scalar.coordinates
-        spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
-        compliance.mean_jacobian(forces.compliance, forces.spring, group, q, frames, step, values)
-        friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
+        coordinate.mean_jacobian(
+            forces.along, forces.laws, group, q, start.reactions, frames, step, values
+        )
+        compliance.mean_jacobian(forces.compliance, forces.along, group, q, frames, step, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     controlled.mean_jacobian(forces.controlled, start.controlled, frames, dt2, Z, values)
     _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
@@ -472,8 +470,7 @@ def mean_work(
     point.mean_work(forces.point, start.point, frames, h, Z, work)
     if scalar is None:
         return
-    spring.mean_work(forces.spring, start.place.coordinates, h, work)
-    friction.mean_work(forces.friction, start.reactions, start.place.coordinates, h, work)
+    coordinate.mean_work(forces.along, start.reactions, start.place.coordinates, h, work)
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
 
 
@@ -610,6 +607,21 @@ def publish_signals(
     actuator.publish_power(actuators, start.signals, start.place, table, row)
 
 
+@optional()
+def set_expressions(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> None:
+    """Evaluate all expressions at the prepared configuration."""
+    set_prepared_inputs(group, start, scalar)
+    results.evaluate(group, start.signals)
+
+
+@optional(0.0)
+def expression_at(group: Signals, start: ForcesWorkspace, place: int) -> float:
+    """Return the value at a ``place`` on the tape, after ``set_expressions``."""
+    return start.signals.values.value[place]
+
+
 @optional(-1.0)
 def margin_of_stops(
     group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
@@ -619,8 +631,7 @@ def margin_of_stops(
     """
     if group.stop.size == 0:
         return -1.0
-    set_prepared_inputs(group, start, scalar)
-    results.evaluate(group, start.signals)
+    set_expressions(group, start, scalar)
     return results.largest_margin(group, start.signals)
 
 
@@ -667,7 +678,7 @@ def smooth(
     """Return the energy [J] that a decaying scheme took from the springs over the accepted step."""
     if scalar is None:
         return 0.0
-    return spring.smooth(forces.spring, start.place.coordinates, pole, start.stretch)
+    return coordinate.smooth(forces.along, start.place.coordinates, pole, start.stretch)
 
 
 @kernel
@@ -677,7 +688,7 @@ def elastic_energy(
     """Set ``start.elastic`` to the elastic energy of each spring; return their sum [J]."""
     if scalar is None:
         return 0.0
-    return spring.energy(forces.spring, forces.laws, start.place.coordinates, start.elastic)
+    return coordinate.energy(forces.along, forces.laws, start.place.coordinates, start.elastic)
 
 
 @kernel
@@ -685,15 +696,16 @@ def publish_energy(
     forces: Forces, start: ForcesWorkspace, first: int, table: np.ndarray, row: int
 ) -> None:
     """Add each spring's elastic energy to its column of ``table``, counted from ``first``."""
-    column = forces.spring.energy_column
+    column = forces.along.energy_column
     for s in range(column.size):
-        table[row, first + column[s]] += start.elastic[s]
+        if column[s] >= 0:
+            table[row, first + column[s]] += start.elastic[s]
 
 
 @kernel
 def depend_on_reactions(forces: Forces) -> bool:
     """Return whether a force depends on the joints' reactions."""
-    return forces.friction.coordinate.size > 0
+    return coordinate.by_reactions(forces.along)
 
 
 # What a system's set-up and its reports ask of the forces, in plain Python.
@@ -706,12 +718,12 @@ def new_elongation(forces: Forces) -> np.ndarray:
 
 def new_stretch(forces: Forces) -> np.ndarray:
     """Return the smoothed changes of the springs' coordinates at t = 0."""
-    return np.zeros(forces.spring.coordinate.size)
+    return np.zeros(forces.along.coordinate.size)
 
 
 def energy_columns(forces: Forces) -> int:
     """Return the number of columns of elastic energy in the table of work."""
-    return len(set(forces.spring.energy_column.tolist()))
+    return len({*forces.along.energy_column.tolist()} - {-1})
 
 
 def signal_values(forces: Forces) -> int:
@@ -736,12 +748,12 @@ def _concentrated(forces: Forces) -> Iterator[ConcentratedLoads]:
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
     """Return the forces that depend on the joints' reactions, None if there are none."""
-    return forces.friction if forces.friction.coordinate.size else None
+    return forces.along if depend_on_reactions(forces) else None
 
 
 def coordinates_of(forces: Forces) -> np.ndarray:
     """Return the numbers of the coordinates along which forces act."""
-    along = [forces.spring.coordinate, forces.friction.coordinate]
+    along = [forces.along.coordinate]
     if forces.actuator is not None:
         along.append(forces.actuator.coordinate)
     return np.concatenate(along)
@@ -755,8 +767,7 @@ def coordinates_needed(forces: Forces) -> np.ndarray:
 def renumbered(forces: Forces, number: np.ndarray) -> Forces:
     """Return the forces with coordinate q as number[q]."""
     return forces._replace(
-        spring=forces.spring._replace(coordinate=number[forces.spring.coordinate]),
-        friction=forces.friction._replace(coordinate=number[forces.friction.coordinate]),
+        along=forces.along._replace(coordinate=number[forces.along.coordinate]),
         actuator=forces.actuator
         and forces.actuator._replace(coordinate=number[forces.actuator.coordinate]),
         signals=signals.renumbered(forces.signals, number),
@@ -767,9 +778,9 @@ def set_origins(forces: Forces, value: np.ndarray) -> None:
     """Set what the forces count from, where the deck leaves it open, to the coordinates' ``value``
     (q,) at t = 0.
     """
-    for constant in (forces.spring.origin, forces.spring.free):
+    for constant in (forces.along.origin, forces.along.free):
         unset = np.isnan(constant)
-        constant[unset] = value[forces.spring.coordinate[unset]]
+        constant[unset] = value[forces.along.coordinate[unset]]
 
 
 def vectors(
@@ -812,13 +823,19 @@ def laws_of_coordinates(forces: Forces) -> Iterator[tuple[int, int, float]]:
     """Yield (law, coordinate, origin from which it counts) of each table, with law -1 for a force
     without one.
     """
-    group = forces.spring
+    group = forces.along
     yield from zip(group.table, group.coordinate, group.origin, strict=True)
+
+
+def places_of_stops(forces: Forces) -> list[int]:
+    """Return the places on the tape of the margins of conditions that end the run."""
+    return [] if forces.signals is None else list(forces.signals.stop.tolist())
 
 
 def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
     """Return the coordinates along which forces change fast with the rate, and at which rates."""
-    return forces.friction.coordinate, forces.friction.width
+    fast = forces.along.width > 0.0
+    return forces.along.coordinate[fast], forces.along.width[fast]
 
 
 def unresolved_speed(
@@ -829,7 +846,8 @@ def unresolved_speed(
     """
     if scalar is None:
         return 0.0
-    return friction.unresolved_speed(forces.friction, scalar.coordinates, frames, reaction, h)
+    group = forces.along
+    return coordinate.unresolved_speed(group, scalar.coordinates, frames, reaction, h)
 
 
 def numbers_at_points(
@@ -848,11 +866,9 @@ def numbers_at_points(
 
 def numbers_along(forces: Forces, start: CoordinatesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the same of each force along a coordinate."""
-    group = forces.spring
+    group = forces.along
     for s, column in enumerate(group.column):
-        stretch = start.value[group.coordinate[s]] - group.origin[s]
-        if group.table[s] >= 0:
-            parts = [*evaluate(forces.laws, group.table[s], stretch)]
-        else:
-            parts = [group.stiffness[s] * stretch * stretch, group.preload[s] * stretch]
+        q = coordinate.elongation(group, start, s)
+        parts = [*coordinate.tension(group, forces.laws, s, q)]
+        parts.append(coordinate.potential(group, forces.laws, s, q))
         yield column, np.array(parts)

@@ -13,7 +13,7 @@ import numpy as np
 from msahl.model import Model, RunSettings
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.schemes.stepper import Chunk
+from msahl.schemes.stepper import UNDIVIDED, Chunk, Parts
 
 SAFETY = 1.5
 """Factor of all error estimates, as the terms of higher order are unknown."""
@@ -61,6 +61,7 @@ class Steps(NamedTuple):
     begin: float
     sizes: np.ndarray  # (m,) [s]
     ends: np.ndarray  # (m,) [s], by the run's own grid and not by sums of sizes
+    parts: Parts = UNDIVIDED  # of those that events divided
 
 
 class Companion(Protocol):

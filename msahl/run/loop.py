@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from msahl.check import require_sound
+from msahl.events.search import Event, NoStep
 from msahl.jit.compiled import prepare, trouble
 from msahl.model import Model, Options, resolve
 from msahl.model.settings import EQUILIBRIUM
@@ -26,7 +27,7 @@ from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN,
 from msahl.run.saved_run import restore_snapshot, take_snapshot
 from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
-from msahl.run.stop import NoStep, first_fulfilled, margin_after, time_of_stop, words_of
+from msahl.run.stop import fulfilled_at_start, margin_after, time_of_stop, words_of
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import ERROR, Sink
 from msahl.schemes.outcome import Stopped
@@ -171,7 +172,7 @@ class TimeLoop:
         at_start = OutputSchedule.at_ends(np.ones(1, dtype=bool))
         if self._finite_steps(1, at_start, np.zeros(1)) < 1:
             raise StartError(self.report.message)
-        if first_fulfilled(setup.integrators, 1) is not None:
+        if fulfilled_at_start(setup.integrators):
             raise StartError(stops_at_once(words_of(setup.model)))
         self.record = Record(setup.integrators, setup.output.grid.t_final)
         self.report.status = COMPLETED
@@ -181,6 +182,12 @@ class TimeLoop:
             errors = setup.estimate.begin(setup.integrators) if setup.estimate else NO_ERRORS
             self._publish(np.zeros(1), errors)
         self.accepted = SavedSteps.of(setup.integrators)
+        self._arm(0.0)
+
+    def _arm(self, time: float) -> None:
+        """Let conditions that begin to hold after ``time`` [s] end the run."""
+        for integrator in self.setup.integrators:
+            integrator.stepper.arm(time)
 
     @property
     def _time(self) -> float:
@@ -238,23 +245,18 @@ class TimeLoop:
         begins = np.append(chunk.begin, advance.ends)
         done = self._finite_steps(advance.steps, advance.schedule, begins)
         self.report.add_seconds("loop", time.perf_counter() - began)
-        good = Advance(
-            done,
-            advance.outcome,
-            advance.schedule.until(done),
-            advance.sizes[:done],
-            advance.ends[:done],
-        )
-        held = None if self.stopping else first_fulfilled(self.setup.integrators, done)
-        if held is None:
-            self._hand_over(good, chunk)
-        else:
+        if advance.event and done == advance.steps:
             self.report.end(COMPLETED, "")  # a step that failed would be after the end
-            self._end_within(held, float(advance.ends[held]))
+            self._end_within(done, advance.event)
+        else:
+            schedule, parts = advance.schedule.until(done), advance.parts
+            sizes, ends = advance.sizes[:done], advance.ends[:done]
+            good = Advance(done, advance.outcome, schedule, sizes, ends, parts=parts)
+            self._hand_over(good, chunk)
 
-    def _end_within(self, step: int, end: float) -> None:
-        """Take the present chunk again up to the ``step`` that ends at ``end`` [s], after which a
-        condition holds, and let the run end within that step.
+    def _end_within(self, step: int, event: Event) -> None:
+        """Take the present chunk again up to the ``step`` in which an ``event`` ends the run, and
+        let the run end there.
         """
         self._go_back()
         plan, stride = self.setup.plan, self._stride
@@ -266,17 +268,21 @@ class TimeLoop:
             self._hand_over(self._advance(chunk), chunk)
         if self.report.status != COMPLETED:
             return
+        begin, words = plan.progress.time, words_of(self.setup.model)
+        self._arm(math.inf)
         try:
-            t = time_of_stop(self._margin_at, plan.progress.time, end)
+            t = time_of_stop(self._margin_at, event, begin)
         except NoStep:
-            words = words_of(self.setup.model)
-            self.report.end(NOT_CONVERGED, stop_not_found(words, plan.progress.time, end))
+            self.report.end(NOT_CONVERGED, stop_not_found(words, begin, event.after))
             return
         finally:
             self._go_back()
+        if t is None:
+            self._arm(event.after)
+            return
         plan.end_at(t)
         self.stopping = True
-        self.report.stop = {"time": t, "condition": words_of(self.setup.model)}
+        self.report.stop = {"time": t, "condition": words}
 
     def _margin_at(self, t: float) -> float:
         """Return the margin of the conditions at ``t`` [s], at the end of steps from the last ones
@@ -295,6 +301,8 @@ class TimeLoop:
         shortest advance.
         """
         shortest: Advance | None = None
+        event: Event | None = None
+        parts: dict[int, tuple[float, ...]] = {}
         for integrator in self.setup.integrators:
             # Steps that become hard must not delay the answer to a request to stop. The other
             # subsystems go as far as the first.
@@ -302,15 +310,20 @@ class TimeLoop:
             advance = _complete(
                 integrator, chunk, integrator.advance(chunk, patience), self._stride
             )
+            for k, ends in advance.parts.items():
+                parts[k] = tuple(sorted({*parts.get(k, ()), *ends}))
             if shortest is None or advance.steps < shortest.steps:
-                shortest = advance
-                failure = self.setup.plan.failure(integrator, advance)
+                shortest, event = advance, advance.event
+                failure = None if event else self.setup.plan.failure(integrator, advance)
                 if failure:
                     self.report.end(NOT_CONVERGED, failure)
+            elif advance.event and advance.steps == shortest.steps:
+                event = min(event or advance.event, advance.event, key=lambda of: of.after)
             if advance.outcome.converged and chunk.ends.size:
-                chunk = chunk._replace(last=advance.steps)
+                # The step in which the run ends may have an earlier event here.
+                chunk = chunk._replace(last=min(chunk.last, advance.steps + bool(event)))
         assert shortest is not None
-        return shortest
+        return shortest._replace(event=event, parts=parts)
 
     def _finite_steps(self, done: int, schedule: OutputSchedule, begins: np.ndarray) -> int:
         """Number of steps before the first one that left a NaN or an infinite value, at most
@@ -336,7 +349,7 @@ class TimeLoop:
     def _hand_over(self, advance: Advance, chunk: Chunk) -> None:
         """Publish the rows of good steps, and accept the steps if that succeeds."""
         times = chunk.times[: advance.schedule.due[-1]]
-        steps = Steps(chunk.begin, advance.sizes, advance.ends)
+        steps = Steps(chunk.begin, advance.sizes, advance.ends, advance.parts)
         if self._publish(times, self._follow(steps, advance.schedule, times)):
             self.setup.plan.accept(advance)
             self.record.add(advance.steps)
@@ -397,9 +410,11 @@ def _complete(
     decide on the companion's step sizes, and so on the last digits of the estimated error.
     """
     missing = -advance.steps % stride
-    if not advance.outcome.converged or not missing or advance.steps >= chunk.last:
+    if advance.event or not advance.outcome.converged or not missing:
+        return advance
+    if advance.steps >= chunk.last:
         return advance
     last = min(advance.steps + missing, chunk.last)
     rest = integrator.advance(chunk._replace(first=advance.steps, last=last))
-    taken = rest.steps
-    return rest._replace(sizes=np.full(taken, chunk.h), ends=chunk.ends[:taken])
+    taken, parts = rest.steps, {**advance.parts, **rest.parts}
+    return rest._replace(sizes=np.full(taken, chunk.h), ends=chunk.ends[:taken], parts=parts)

@@ -1,53 +1,33 @@
 """Ends a run where a condition of the motion begins to hold: ``<stop>`` and ``--stop-when``.
 
-The margin of the conditions (``expressions.conditions``) is recorded at the end of every accepted
-step. If it became positive within a chunk of steps, the run goes back to the start of the chunk and
-takes the steps before that one again. From there the time is sought at which the margin is zero at
-the end of a shorter step. So the last row is that of an ordinary step, as accurate as the others,
-and a run that is given this time as its end has the same rows.
-
-A condition that holds between the ends of two steps only is not seen.
+The margin of the conditions (``expressions.conditions``) is an event of the steps (``events``). If
+it is seen in a chunk of steps, the run goes back to the start of the chunk and takes the steps
+before that one again. From there the time is sought at which the margin is zero at the end of a
+shorter step. So the last row is that of an ordinary step, as accurate as the others, and a run that
+is given this time as its end has the same rows.
 """
 
 import math
 from collections.abc import Callable, Sequence
 
+from msahl.events.search import Event, NoStep, time_of_zero
 from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.diagnostics import STOP
 
 
-class NoStep(Exception):  # noqa: N818 - an outcome of the search
-    """A step to a time that was tried could not be solved."""
+def fulfilled_at_start(integrators: Sequence[SubsystemIntegrator]) -> bool:
+    """Whether a condition holds in the first row of the monitors."""
+    return any(of.workspace.monitor.rows[0, STOP] > 0.0 for of in integrators)
 
 
-def first_fulfilled(integrators: Sequence[SubsystemIntegrator], steps: int) -> int | None:
-    """Return the first of the ``steps`` of a chunk after which a condition holds, from 0."""
-    found = [
-        int(held.argmax())
-        for held in (
-            integrator.workspace.monitor.rows[:steps, STOP] > 0.0 for integrator in integrators
-        )
-        if held.any()
-    ]
-    return min(found, default=None)
-
-
-def time_of_stop(margin: Callable[[float], float], begin: float, end: float) -> float:
-    """Return the time [s] at which ``margin``, a function of the time, becomes zero: it is negative
-    at ``begin`` and positive at ``end``, up to the error of a step of another size.
+def time_of_stop(margin: Callable[[float], float], event: Event, begin: float) -> float | None:
+    """Return the time [s] at which ``margin``, a function of the time, becomes zero after
+    ``begin``; None if it is not positive where the dense output says that it is.
     """
-    # Imported by runs that are stopped only: it takes a third of a second.
-    from scipy.optimize import brentq
-
-    last = margin(end)
-    if not last > 0.0:
-        return end
-
-    def function(t: float) -> float:
-        return margin(t) if begin < t < end else (last if t == end else -last)
-
-    return float(brentq(function, begin, end, xtol=4e-16 * end, rtol=1e-15))
+    if margin(event.after) <= 0.0:
+        return None
+    return time_of_zero(margin, event.guess, event.rate, begin, event.after)
 
 
 def margin_after(

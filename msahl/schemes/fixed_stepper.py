@@ -4,29 +4,36 @@ The solver ``newton`` is the compiled loop, ``root`` means ``scipy.optimize.root
 starts with scipy; a step that the compiled loop does not solve is solved along a path from shorter
 ones, else by scipy. A step that none solves is divided into two halves, each of these again where
 needed, down to 2^-10 of it.
+
+A step in which an event divides steps is taken in parts, up to the event and on from there, so the
+next one begins where it would have begun. The compiled loop returns where it sees an event.
 """
 
 import math
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from msahl.events.search import Event, NoStep, time_of_zero
 from msahl.jit.compiled import Call
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.schemes.stepper import Advance, Chunk, Events, Stepper
+from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.system import evaluate
-from msahl.system.arrays import State
+
+if TYPE_CHECKING:
+    from msahl.schemes.detection import Detection
 
 MAX_SUBDIVISIONS = 10
 LARGEST_DENSE = 300
 """Largest number of unknowns for which ``auto`` calls scipy, whose algebra is dense: a step with
 300 unknowns takes it tens of milliseconds, and the time grows with the third power."""
-MAX_EVENTS = 64
-"""Largest number of events within one step; with more the step counts as failed."""
+MAX_PARTS = 16
+"""Largest number of parts of a step: what happens more often is not resolved by such steps, and the
+rest of the step is taken as if there were no events."""
 
 
 class StepMethod(Protocol):
@@ -34,6 +41,7 @@ class StepMethod(Protocol):
 
     workspace: Workspace
     degree: int  # of the polynomials; 0 for the schemes of order 2
+    detection: "Detection | None"  # None if the system has no margins
 
     @property
     def kind(self) -> str:
@@ -63,7 +71,7 @@ class StepMethod(Protocol):
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """Take and record steps ``first``..``last - 1`` in compiled code; the number of the first
-        that was not solved, ``last`` if all were.
+        that was not solved or has an event, ``last`` if there is none.
         """
 
     def take_step(self, h: float, share: float) -> Outcome:
@@ -96,7 +104,7 @@ class FixedStepper:
     def __init__(self, method: StepMethod, solver: str) -> None:
         self.method, self.solver, self.workspace = method, solver, method.workspace
         self.requests = Requests()
-        self.events: Events | None = None
+        self.armed = math.inf
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
@@ -136,6 +144,10 @@ class FixedStepper:
         """See ``Stepper``."""
         self.method.reset_prediction()
 
+    def arm(self, time: float) -> None:
+        """See ``Stepper``."""
+        self.armed = time
+
     def follow_degree(self, other: Stepper) -> None:
         """See ``Stepper``."""
         degree = other.counters.get("degree", 0)
@@ -152,54 +164,110 @@ class FixedStepper:
 
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """See ``Stepper``."""
-        k, outcome = chunk.first, Outcome(0.0, -1)
-        began = time.perf_counter()
+        k, outcome, event = chunk.first, Outcome(0.0, -1), None
+        began, detection = time.perf_counter(), self.method.detection
+        parts: dict[int, tuple[float, ...]] = {}
+        if detection:
+            detection.arm(self.armed)
         while k < chunk.last:
             if self._uses_compiled_loop():
                 k = self.method.take_steps(chunk.h, k, chunk.last, chunk.schedule)
+                event = detection.event() if detection else None
             if k < chunk.last:
-                outcome = self._solve_hard_step(chunk.h)
-                if not outcome.converged:
+                if not (event and event.ends_run):
+                    outcome, event, ends = self._take_single(chunk, k, event is None)
+                if event or not outcome.converged:
                     break
-                self.method.record_step(chunk.h, k, chunk.schedule)
+                if ends:
+                    parts[k] = tuple(ends)
                 k += 1
                 self.may_compile = True
                 if time.perf_counter() - began > patience:
                     break
         taken = max(0, k - chunk.first)
-        ends = chunk.ends[:taken]
-        return Advance(k, outcome, chunk.schedule, np.full(taken, chunk.h), ends)
+        ends_of_steps = chunk.ends[:taken]
+        sizes = np.full(taken, chunk.h)
+        return Advance(k, outcome, chunk.schedule, sizes, ends_of_steps, event, parts)
 
     def _uses_compiled_loop(self) -> bool:
-        if self.events is not None:
-            return False
         return self.solver == "newton" or (
             self.solver == "auto" and (self.may_compile or self.large)
         )
 
-    def _solve_hard_step(self, h: float) -> Outcome:
-        """Take one step, or all of it in substeps; on failure the state is as before."""
-        before = self._saved()
-        if self.events is None:
-            self.reset_prediction()
-            outcome = self._subdivide(h, 1.0)
-        else:
-            outcome = self._solve_to_events(self.events, h)
-        if not outcome.converged:
+    def _take_single(
+        self, chunk: Chunk, step: int, tried: bool
+    ) -> tuple[Outcome, Event | None, list[float]]:
+        """Take one step and record it: in substeps if it is hard (the compiled loop has ``tried``
+        it, if it may), in parts if it has events, at whose fractions of the step these end. On
+        failure, or if an event ends the run within the step, the state is as before.
+        """
+        before, ends, detection = self._saved(), [0.0], self.method.detection
+        event: Event | None = None
+        self.reset_prediction()
+        while True:
+            rest, begin = 1.0 - ends[-1], self._saved()
+            if detection:
+                detection.begin()
+            outcome = self._subdivide(rest * chunk.h, rest, tried and len(ends) == 1)
+            if not outcome.converged:
+                break
+            event = detection.look() if detection and len(ends) < MAX_PARTS else None
+            if event is None or event.ends_run:
+                break
+            try:
+                part = self._take_part(event, begin, chunk.h, rest)
+            except NoStep:
+                outcome = Outcome(math.inf, -1)
+                break
+            self._record(chunk, step, ends[-1], ends[-1] + part)
+            ends.append(ends[-1] + part)
+        if not outcome.converged or event:
             self.reset_prediction()
             self._go_back(before)
-        return outcome
+            return outcome, event if outcome.converged else None, []
+        self._record(chunk, step, ends[-1], 1.0)
+        return outcome, None, ends[1:]
 
-    def _subdivide(self, h: float, share: float, depth: int = MAX_SUBDIVISIONS) -> Outcome:
-        """Take a step ``h``, a ``share`` of the requested one, or its two halves if it fails."""
-        # The compiled loop has tried the complete step, unless it has to end at events.
-        tried = depth == MAX_SUBDIVISIONS and self.events is None
+    def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
+        """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the
+        ``event``; return the fraction of the step that it is. Raises ``NoStep``.
+        """
+        detection, since = self.method.detection, float(begin[0][0])
+        assert detection
+        sign = math.copysign(1.0, event.rate)
+
+        def margin(tau: float) -> float:
+            self._go_back(begin)
+            self.reset_prediction()
+            if not self._subdivide(tau * h, tau).converged:
+                raise NoStep
+            return sign * (detection.value(event.margin) - event.level)
+
+        guess = (event.guess - since) / h
+        return time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest)
+
+    def _record(self, chunk: Chunk, step: int, begin: float, end: float) -> None:
+        """Record the part of a step from ``begin`` to ``end``, fractions of it."""
+        schedule = chunk.schedule
+        if begin > 0.0 or end < 1.0:
+            schedule = schedule.part(step, begin, end)
+        if end == 1.0 or schedule.due[step + 1] > schedule.due[step]:
+            self.method.record_step(chunk.h, step, schedule)
+
+    def _subdivide(
+        self, h: float, share: float, tried: bool = False, depth: int = MAX_SUBDIVISIONS
+    ) -> Outcome:
+        """Take a step ``h``, a ``share`` of the requested one, or its two halves if it fails;
+        ``tried``: the compiled loop has failed.
+        """
         outcome = self._solve_once(h, share, tried)
         if outcome.converged or depth == 0:
             return outcome
         self.subdivisions += 1
-        outcome = self._subdivide(0.5 * h, 0.5 * share, depth - 1)
-        return self._subdivide(0.5 * h, 0.5 * share, depth - 1) if outcome.converged else outcome
+        outcome = self._subdivide(0.5 * h, 0.5 * share, depth=depth - 1)
+        if not outcome.converged:
+            return outcome
+        return self._subdivide(0.5 * h, 0.5 * share, depth=depth - 1)
 
     def _solve_once(self, h: float, share: float, tried: bool) -> Outcome:
         """Take a step by one solver after the other; ``tried``: the compiled one has failed."""
@@ -220,31 +288,6 @@ class FixedStepper:
     def _solve_by_scipy(self, h: float, share: float) -> Outcome:
         self.scipy_steps += 1
         return self.method.take_step_by_scipy(h, share, self.requests.after)
-
-    def _solve_to_events(self, events: Events, h: float) -> Outcome:
-        """Take a step ``h`` in substeps that end at its events, each of which is applied."""
-        workspace, left = self.workspace, 1.0  # fraction of the step that is still to be taken
-        for _ in range(MAX_EVENTS):
-            before, saved = State(*(array.copy() for array in workspace.state)), self._saved()
-            outcome = self._subdivide(left * h, left)
-            if not outcome.converged:
-                return outcome
-            part = events.first(workspace, before, left * h)
-            if part > 1.0:
-                return outcome
-            if part < 1.0:
-                self._go_back(saved)
-                self.reset_prediction()
-                outcome = self._subdivide(part * left * h, part * left)
-                if not outcome.converged:
-                    return outcome
-            events.apply(workspace)
-            evaluate.prepare(workspace.system, workspace.state, workspace.start)
-            self.reset_prediction()
-            left -= part * left
-            if left <= 0.0:
-                return outcome
-        return Outcome(math.inf, -1)
 
     def _saved(self) -> list[np.ndarray]:
         """Copies of what a step changes."""

@@ -41,6 +41,17 @@ class OutputSchedule:
         due = self.due[: steps + 1]
         return OutputSchedule(due, self.share[: due[-1]])
 
+    def part(self, step: int, begin: float, end: float) -> "OutputSchedule":
+        """The rows from the fraction ``begin`` to ``end`` of a ``step``, as if this part were the
+        step.
+        """
+        due = self.due.copy()
+        rows = self.share[due[step] : due[step + 1]]
+        due[step : step + 2] = due[step] + np.searchsorted(rows, [begin, end], "right")
+        share = (self.share - begin) / (end - begin)
+        share[share > 1.0 - ROUND_OFF] = 1.0
+        return OutputSchedule(due, share)
+
     @property
     def steps(self) -> int:
         """Number of steps of the chunk."""

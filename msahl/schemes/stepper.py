@@ -27,23 +27,29 @@ A class that implements ``Stepper`` must
 8. return in ``smallest_tried`` the size [s] of the shortest step that it tries for a chunk;
 9. count in ``scipy_steps``, ``path_steps`` and ``subdivisions`` the steps solved by scipy, those
    solved along a path from shorter ones, and those divided;
-10. end a step at every event of ``events``, if that is not None, let the event change the state,
-    and go on from there. Where ``events`` is None this costs nothing: the compiled loop over many
-    steps is entered only then.
+10. end a step, or a part of it, at every event that divides steps, and go on from there; and
+    return an ``Event`` that ends the run, after ``arm``, in ``Advance.event``, with the steps
+    before the one in which it occurs. Steps of a system without margins
+    (``events.margins``) cost nothing more.
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from msahl.events.search import Event
 from msahl.jit.compiled import Call
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import NO_OUTPUT, OutputSchedule
-from msahl.system.arrays import State
 
 NO_TIMES = np.zeros(0)
+Parts = Mapping[int, tuple[float, ...]]
+"""By the number of a step in its chunk, the fractions of it at which events divided it."""
+UNDIVIDED: Parts = MappingProxyType({})
 
 
 class Chunk(NamedTuple):
@@ -71,24 +77,8 @@ class Advance(NamedTuple):
     schedule: OutputSchedule  # the rows of the steps taken, and maybe of those after them
     sizes: np.ndarray  # (steps,) [s]
     ends: np.ndarray  # (steps,) times of the steps' ends [s]
-
-
-class Events(Protocol):
-    """Conditions that end a step: a stop, a contact, a switch of a control.
-
-    1. ``first`` looks at the step of size ``h`` [s] from the state ``before`` to the state of the
-       ``workspace`` and returns the fraction of it, above 0, at which the first event occurs;
-       ``math.inf`` if none does. An event at the very end has the fraction 1.
-    2. ``apply`` is called when the workspace has been brought to that fraction. It may change
-       positions, velocities, forces and works of the workspace's state, so that the event is not
-       found again at once.
-    """
-
-    def first(self, workspace: Workspace, before: State, h: float) -> float:
-        """Fraction of the step at which the first event occurs; ``math.inf`` if none does."""
-
-    def apply(self, workspace: Workspace) -> None:
-        """Change the state of the ``workspace`` as the event demands."""
+    event: Event | None = None  # that ends the run within the next step
+    parts: Parts = UNDIVIDED  # of the steps that events divide
 
 
 class Stepper(Protocol):
@@ -96,7 +86,6 @@ class Stepper(Protocol):
 
     workspace: Workspace
     requests: Requests
-    events: Events | None
     scipy_steps: int
     path_steps: int
     subdivisions: int
@@ -127,6 +116,9 @@ class Stepper(Protocol):
 
     def reset_prediction(self) -> None:
         """Predict the next step from the accelerations of the state alone."""
+
+    def arm(self, time: float) -> None:
+        """Let events after ``time`` [s] end the run: none before this is called."""
 
     def follow_degree(self, other: "Stepper") -> None:
         """Take the degree of another stepper of the same class."""

@@ -15,6 +15,7 @@ import numpy as np
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO, Vector, sub
 from msahl.elements.beams.build import node_shares
+from msahl.joints.coordinates import angle_offset
 from msahl.joints.joint import (
     Coincide,
     Coordinate,
@@ -28,6 +29,9 @@ from msahl.joints.joint import (
 )
 from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
+from msahl.laws.law import CoordinateLaw
+from msahl.laws.registry import COORDINATE_LAWS, JOINT_LAWS, Parameters
+from msahl.laws.spring import SPRING
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
 from msahl.model.couplings import COORDINATES, Coupling
@@ -35,7 +39,7 @@ from msahl.model.joints import Joint
 from msahl.model.loads import (
     Bushing,
     ConcentratedLoad,
-    Friction,
+    JointLoad,
     JointSpring,
     PointLoad,
     SpringDamper,
@@ -67,29 +71,20 @@ class EquationEntry(NamedTuple):
     column: int = -1  # of the table of work
 
 
-class SpringEntry(NamedTuple):
-    """A spring and damper along a coordinate, see ``ports.spring``."""
+class CoordinateEntry(NamedTuple):
+    """A force along a coordinate, see ``ports.coordinate``."""
 
+    law: CoordinateLaw
     coordinate: int
-    stiffness: float
-    damping: float
-    origin: float  # nan: the coordinate at t = 0
-    free: float  # nan: likewise
-    preload: float
-    table: int  # law or -1
-    decay: float
+    parameters: Parameters
     column: int  # of the table of work
+    damping: float = 0.0
+    origin: float = 0.0  # nan: the coordinate at t = 0
+    free: float = 0.0  # nan: likewise
+    table: int = -1  # law in place of the tension
+    decay: float = 0.0
+    joint: int = -1  # whose reaction it depends on
     element: int = -1  # number behind those of beams' elements, where its load is an unknown
-
-
-class FrictionEntry(NamedTuple):
-    """Friction along a coordinate, see ``ports.friction``."""
-
-    coordinate: int
-    joint: int
-    lever: float
-    width: float
-    column: int  # of the table of work
 
 
 class BeamEntry(NamedTuple):
@@ -121,8 +116,7 @@ class Elements:
     equations: list[EquationEntry] = field(default_factory=list)
     first_equation: list[int] = field(default_factory=lambda: [0])  # of each joint, and the last
     load_equation: list[int] = field(default_factory=list)  # of couplings and motions
-    springs: list[SpringEntry] = field(default_factory=list)
-    frictions: list[FrictionEntry] = field(default_factory=list)
+    along: list[CoordinateEntry] = field(default_factory=list)  # in the order of the laws
     concentrated: list[ConcentratedEntry] = field(default_factory=list)
     at_points: list[tuple[int, PointLoad]] = field(default_factory=list)  # column of work
     laws: list[Law] = field(default_factory=list)
@@ -191,6 +185,8 @@ class _Collector:
         )
         for column, load in enumerate(model.loads):
             self._load(column, load)
+        order = [*COORDINATE_LAWS]
+        self.elements.along.sort(key=lambda entry: order.index(entry.law.name))
         for column, load in enumerate(model.loads):
             if isinstance(load, ConcentratedLoad):
                 law = self.elements.add_law(load.law)
@@ -300,12 +296,17 @@ class _Collector:
             self._spring(column, coordinate, load, np.nan, load.free)
         elif isinstance(load, Bushing):
             self._bushing(column, load)
-        elif isinstance(load, Friction):
-            coordinate = self._joint_coordinate(load.joint, load.coordinate)
-            number = self.number[load.joint]
-            lever = load.coefficient * load.radius
-            entry = FrictionEntry(coordinate, number, lever, load.width, column)
-            self.elements.frictions.append(entry)
+        elif isinstance(load, JointLoad):
+            law, angular = JOINT_LAWS[load.law], load.coordinate == "angle"
+            entry = CoordinateEntry(
+                law=law,
+                coordinate=self._joint_coordinate(load.joint, load.coordinate),
+                parameters=load.parameters,
+                column=column,
+                origin=-angle_offset(self.joints[load.joint]) if angular else 0.0,
+                joint=self.number[load.joint] if law.by_reaction else -1,
+            )
+            self.elements.along.append(entry)
         elif isinstance(load, PointLoad):
             self.elements.at_points.append((column, load))
 
@@ -319,8 +320,19 @@ class _Collector:
     ) -> None:
         table = self.elements.add_law(load.table)
         steepest = _steepest(load.table) if load.table else load.stiffness
-        numbers = (load.stiffness, load.damping, origin, free, load.preload)
-        self._add_spring(coordinate, numbers, table, steepest, column, self._unknown(load))
+        entry = CoordinateEntry(
+            law=SPRING,
+            coordinate=coordinate,
+            parameters=(("preload", load.preload), ("stiffness", load.stiffness)),
+            column=column,
+            damping=load.damping,
+            origin=origin,
+            free=free,
+            table=table,
+            decay=self._decay(steepest),
+            element=self._unknown(load),
+        )
+        self.elements.along.append(entry)
 
     def _bushing(self, column: int, load: Bushing) -> None:
         pair = self._pair(load)
@@ -329,26 +341,26 @@ class _Collector:
         for coordinate, k, c in directions:
             if k or c:
                 q = self._add(coordinate, pair)
-                numbers = (k, c, 0.0, free, 0.0)
-                self._add_spring(q, numbers, -1, k, column, element if k else -1)
+                entry = CoordinateEntry(
+                    law=SPRING,
+                    coordinate=q,
+                    parameters=(("preload", 0.0), ("stiffness", k)),
+                    column=column,
+                    damping=c,
+                    free=free,
+                    decay=self._decay(k),
+                    element=element if k else -1,
+                )
+                self.elements.along.append(entry)
 
     def _unknown(self, load: SpringDamper | JointSpring | Bushing) -> int:
         """Return the element's number of a spring in the compliance form, -1 for others."""
         self.unknown += load.compliance
         return self.unknown - 1 if load.compliance else -1
 
-    def _add_spring(
-        self,
-        coordinate: int,
-        numbers: tuple[float, float, float, float, float],
-        table: int,
-        steepest: float,
-        column: int,
-        element: int,
-    ) -> None:
-        decay = 0.5 * resolve(self.model.simulation).decay.chi * steepest
-        entry = SpringEntry(coordinate, *numbers, table, decay, column, element)
-        self.elements.springs.append(entry)
+    def _decay(self, stiffness: float) -> float:
+        """Return chi/2 k of a spring."""
+        return 0.5 * resolve(self.model.simulation).decay.chi * stiffness
 
 
 def _bushing_coordinates(bushing: Bushing) -> list[Coordinate]:

@@ -6,12 +6,15 @@ from msahl.elements.beams.shape import gauss_stations
 from msahl.elements.frames import first_multiplier
 from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
+from msahl.laws.registry import JOINT_LAWS
 from msahl.model import (
     Actuator,
     Bushing,
     ConcentratedLoad,
     Joint,
+    JointLoad,
     JointSpring,
+    Load,
     MarkerDistance,
     Model,
     SignalTable,
@@ -121,9 +124,16 @@ def workers(model: Model) -> tuple[str, ...]:
 
 def work_columns(model: Model) -> list[str]:
     """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
-    springs = [load for load in model.loads if isinstance(load, Springy)]
+    springs = [load for load in model.loads if _is_elastic(load)]
     work = [f"{name}.work" for name in workers(model)]
     return ["time", *work, *(f"{element.name}.{ENERGY}" for element in (*springs, *model.beams))]
+
+
+def _is_elastic(load: Load) -> bool:
+    """Return whether a load has elastic energy."""
+    if isinstance(load, JointLoad):
+        return JOINT_LAWS[load.law].is_elastic
+    return isinstance(load, Springy)
 
 
 def resultant_columns(model: Model) -> list[str]:

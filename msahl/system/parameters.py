@@ -27,10 +27,9 @@ from msahl.ports.actuator import Actuators
 from msahl.ports.compliance import Compliances
 from msahl.ports.concentrated import ConcentratedLoads
 from msahl.ports.controlled import ControlledLoads
+from msahl.ports.coordinate import AlongForces
 from msahl.ports.forces import Forces
-from msahl.ports.friction import Frictions
 from msahl.ports.point import PointForces
-from msahl.ports.spring import Springs
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
 from msahl.system.topology import Indices, Topology, all_products
@@ -185,40 +184,39 @@ def _mass_and_scale(elements: Elements, frames: Frames, q: int) -> tuple[float, 
 def _compliances(elements: Elements, topology: Topology, frames: Frames) -> Compliances | None:
     if topology.compliance is None:
         return None
-    entries = [entry for entry in elements.springs if entry.element >= 0]
+    entries = [entry for entry in elements.along if entry.element >= 0]
     scales = [_mass_and_scale(elements, frames, entry.coordinate) for entry in entries]
     return Compliances(
         **topology.compliance,
-        compliance=_numbers(1.0 / entry.stiffness for entry in entries),
+        compliance=_numbers(1.0 / dict(entry.parameters)["stiffness"] for entry in entries),
         mass=_numbers(mass for mass, _ in scales),
         scale=_numbers(scale for _, scale in scales),
     )
 
 
 def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) -> Forces:
-    springs, frictions = elements.springs, elements.frictions
     return Forces(
         concentrated=_concentrated(elements, elements.concentrated, topology.concentrated),
         point=_at_points(elements, topology),
-        spring=Springs(
-            **topology.spring,
-            stiffness=_numbers(entry.stiffness for entry in springs),
-            damping=_numbers(entry.damping for entry in springs),
-            origin=_numbers(entry.origin for entry in springs),
-            free=_numbers(entry.free for entry in springs),
-            preload=_numbers(entry.preload for entry in springs),
-            decay=_numbers(entry.decay for entry in springs),
-        ),
+        along=_along(elements, topology),
         compliance=_compliances(elements, topology, frames),
-        friction=Frictions(
-            **topology.friction,
-            lever=_numbers(entry.lever for entry in frictions),
-            width=_numbers(entry.width for entry in frictions),
-        ),
         actuator=None if topology.actuator is None else Actuators(**topology.actuator),
         controlled=_controlled(elements, topology),
         signals=_signals(elements, topology),
         laws=laws,
+    )
+
+
+def _along(elements: Elements, topology: Topology) -> AlongForces:
+    entries = elements.along
+    return AlongForces(
+        **topology.along,
+        constants=constants([(entry.law, entry.parameters) for entry in entries]),
+        damping=_numbers(entry.damping for entry in entries),
+        origin=_numbers(entry.origin for entry in entries),
+        free=_numbers(entry.free for entry in entries),
+        decay=_numbers(entry.decay for entry in entries),
+        width=_numbers(dict(e.parameters).get(e.law.width or "", 0.0) for e in entries),
     )
 
 

@@ -1,15 +1,16 @@
-"""Build the state at t = 0 as the model gives it."""
+"""Build the state at t = 0 as the model gives it, and copy states."""
 
 import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.rotation_arrays import rotations
-from msahl.algebra.vector import add, cross, times
+from msahl.algebra.vector import add, copy, cross, times
 from msahl.elements.beams import instant
 from msahl.elements.beams.group import new_workspace
 from msahl.elements.constraints import coordinates
 from msahl.elements.frames import moving_count
 from msahl.jit.by_size import by_size
+from msahl.jit.kernel import kernel
 from msahl.model import Model, SignalState, resolve
 from msahl.model.beams import is_damped
 from msahl.ports import compliance, forces
@@ -69,7 +70,7 @@ def set_strains(system: System, state: State) -> None:
         group = system.scalar.coordinates
         at = new_coordinates_workspace(group)
         coordinates.prepare(group, state.x, rotations(state.p), state.angle, at)
-        springs = system.forces.spring
+        springs = system.forces.along
         compliance.correct_elongations(system.forces.compliance, springs, at, 1.0, state.elongation)
     if system.beams is not None:
         start = new_workspace(system.beams, state.strain, state.strain_rise)
@@ -82,3 +83,46 @@ def work_count(model: Model) -> int:
     """Columns of work: one a load, a motion and a damped beam, and a decaying scheme's own."""
     damped = sum(map(is_damped, model.beams))
     return len(model.loads) + len(model.motions) + damped + resolve(model.simulation).dissipative
+
+
+@kernel
+def copy_state(state: State, other: State) -> None:
+    """Copy all of ``state`` to ``other``."""
+    for source, target in (
+        (state.time, other.time),
+        (state.prediction, other.prediction),
+        (state.angle, other.angle),
+        (state.work, other.work),
+        (state.stretch, other.stretch),
+        (state.auxiliary, other.auxiliary),
+        (state.elongation, other.elongation),
+    ):
+        for i in range(source.size):
+            target[i] = source[i]
+    for table, other_table in (
+        (state.x, other.x),
+        (state.x_low, other.x_low),
+        (state.p, other.p),
+        (state.v, other.v),
+        (state.w, other.w),
+        (state.a, other.a),
+        (state.alpha, other.alpha),
+        (state.force, other.force),
+        (state.mean_v, other.mean_v),
+        (state.mean_w, other.mean_w),
+        (state.violation, other.violation),
+        (state.reaction, other.reaction),
+        (state.reaction_trend, other.reaction_trend),
+        (state.v_rise, other.v_rise),
+        (state.w_rise, other.w_rise),
+        (state.strain, other.strain),
+        (state.strain_rise, other.strain_rise),
+    ):
+        copy(table, other_table)
+    for trend, other_trend in (
+        (state.a_trend, other.a_trend),
+        (state.alpha_trend, other.alpha_trend),
+        (state.force_trend, other.force_trend),
+    ):
+        for k in range(trend.shape[0]):
+            copy(trend[k], other_trend[k])

@@ -17,7 +17,7 @@ from msahl.elements.reactions import Shown
 from msahl.elements.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
-from msahl.laws.registry import POINT_LAWS
+from msahl.laws.registry import COORDINATE_LAWS, POINT_LAWS
 from msahl.linalg.pattern import Blocks
 from msahl.model.beams import Beam
 from msahl.system.arrays import Multipliers
@@ -43,9 +43,8 @@ class Topology(NamedTuple):
     concentrated: Indices
     controlled: Indices | None
     point: Indices | None
-    spring: Indices
+    along: Indices
     compliance: Indices | None
-    friction: Indices
     signals: Indices | None
     actuator: Indices | None
     beams: Indices | None
@@ -102,9 +101,8 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         concentrated=concentrated,
         controlled=controlled,
         point=point,
-        spring=_springs(elements),
+        along=_along(elements),
         compliance=_compliances(elements, nodes, parts, blocks, first),
-        friction=_columns(elements.frictions, "coordinate", "joint", "column"),
         signals=signals,
         actuator=actuator,
         beams=beams,
@@ -137,8 +135,10 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         tuple(pairs),
         tuple(equations),
         (tuple(elements.first_equation), tuple(elements.load_equation)),
-        tuple((s.coordinate, s.table, s.column, s.element) for s in elements.springs),
-        tuple((f.coordinate, f.joint, f.column) for f in elements.frictions),
+        tuple(
+            (e.law.name, e.coordinate, e.table, e.joint, e.column, e.element)
+            for e in elements.along
+        ),
         tuple(loads),
         tuple((column, load.law, load.body) for column, load in elements.at_points),
         tuple((joint.kind, joint.child) for joint in elements.model.joints),
@@ -223,7 +223,7 @@ def _place_multipliers(elements: Elements) -> _Nodes:
         for _ in range(of_beam.beam.degree):
             nodes.points.append(add(of_beam.element + k, False, set(own), True))
             add(of_beam.element + k, True, set(own), True)
-    for spring in elements.springs:
+    for spring in elements.along:
         if spring.element >= 0:
             nodes.of_spring.append(place(spring.element, [spring.coordinate]))
     return nodes
@@ -394,13 +394,18 @@ def _at_points(elements: Elements, frames: Indices, blocks: Blocks) -> Indices |
     }
 
 
-def _springs(elements: Elements) -> Indices:
-    columns = sorted({entry.column for entry in elements.springs})
+def _along(elements: Elements) -> Indices:
+    entries, laws = elements.along, [*COORDINATE_LAWS]
+    columns = sorted({entry.column for entry in entries if entry.law.is_elastic})
     number = {column: i for i, column in enumerate(columns)}
-    energy = [number[entry.column] for entry in elements.springs]
-    entries = _columns(elements.springs, "coordinate", "table", "column")
-    unknown = np.array([entry.element >= 0 for entry in elements.springs], dtype=bool)
-    return entries | {"energy_column": indices(energy), "unknown": unknown}
+    energy = [number[e.column] if e.law.is_elastic else -1 for e in entries]
+    closed = [e.law.mean_tension is not None or not e.law.is_elastic for e in entries]
+    return _columns(entries, "coordinate", "table", "joint", "column") | {
+        "law": indices([laws.index(entry.law.name) for entry in entries]),
+        "energy_column": indices(energy),
+        "closed": np.array(closed, dtype=bool),
+        "unknown": np.array([entry.element >= 0 for entry in entries], dtype=bool),
+    }
 
 
 def _compliances(
@@ -409,9 +414,9 @@ def _compliances(
     """Return the indices of springs in the compliance form."""
     if not nodes.of_spring:
         return None
-    springs = [s for s, entry in enumerate(elements.springs) if entry.element >= 0]
+    springs = [s for s, entry in enumerate(elements.along) if entry.element >= 0]
     place = indices(nodes.of_spring)
-    part = parts[[elements.springs[s].coordinate for s in springs]]
+    part = parts[[elements.along[s].coordinate for s in springs]]
     node = first + place[:, :1]
     return {
         "spring": indices(springs),

@@ -10,6 +10,7 @@ import msahl
 from msahl.analysis.gradients import run as tangent_run
 from msahl.analysis.gradients.step_sequence import Step
 from msahl.api import gradients
+from msahl.schemes.common import tangents
 from msahl.schemes.midpoint import tangent as midpoint_tangent
 from tests.support.models import ROOT
 
@@ -133,6 +134,13 @@ def test_the_end_of_a_run_moves_with_the_parameters(options):
     found = model.gradient(["Rod.x final", "Rod.z final"], "L", **options)
     # The run ends where the rod is vertical: its mass centre is L/2 below the hinge.
     assert found.jacobian[:, 0] == pytest.approx([0.0, -0.005], abs=1e-11)
+
+
+def test_differences_are_exact_for_polynomials_of_degree_four():
+    for power in range(5):
+        terms = [tangents.weight(k) * tangents.shift_of(k) ** power for k in range(4)]
+        # Four terms of up to 8/12 times 2^4, rounded.
+        assert sum(terms) == pytest.approx(1.0 if power == 1 else 0.0, abs=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -512,7 +512,7 @@ LOADS = {
     ),
     "friction without radius": (
         tags("friction", **FRICTION).replace("<radius>1</radius>", ""),
-        ":26: load 'F': <radius> is missing; add that of the bearing",
+        ":26: load 'F': <radius> is missing; add it",
     ),
     "friction with a needless radius": (
         tags("friction", **(FRICTION | {"joint": "R", "coordinate": "slide"})),

@@ -18,9 +18,9 @@ from msahl.deck.faults import Faults
 from msahl.deck.parse import parse
 from msahl.deck.schema import built, schema_bytes
 from msahl.joints.registry import KINDS
-from msahl.model import Friction, JointMotion, JointSpring, Model, PointMotion, SpringDamper
+from msahl.model import JointMotion, JointSpring, Model, PointMotion, SpringDamper
 from msahl.model.couplings import COORDINATES, Coupling
-from tests.support.models import drag
+from tests.support.models import drag, friction
 
 ROOT = Path(__file__).parents[2]
 DECKS = sorted((*ROOT.glob("decks/*/*.xml"), *ROOT.glob("msahl/deck/templates/*.xml")))
@@ -345,8 +345,8 @@ def test_drag_and_friction(read):
     <width units="mm/s">1</width></friction>"""
     assert read(loads=loads).loads == (
         drag("D", "B", ZERO, 0.5),
-        Friction("F", "H", "angle", 0.2, 0.02, 2 * math.pi),
-        Friction("E", "R", "slide", 0.3, 1.0, 0.001),
+        friction("F", "H", "angle", 0.2, 0.02, 2 * math.pi),
+        friction("E", "R", "slide", 0.3, 1.0, 0.001),
     )
 
 

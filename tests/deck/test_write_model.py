@@ -19,7 +19,6 @@ from msahl.expressions.syntax import FUNCTIONS, Call, Lookup, Name, Number, pars
 from msahl.expressions.text import text_of
 from msahl.model import (
     ConcentratedLoad,
-    Friction,
     Group,
     JointMotion,
     JointSpring,
@@ -38,7 +37,7 @@ from msahl.model import (
     Stop,
 )
 from tests.support.element_samples import ELEMENTS
-from tests.support.models import DECKS, ELASTIC, free_bodies, pendulum
+from tests.support.models import DECKS, ELASTIC, free_bodies, friction, pendulum
 
 PATH = Path("written.xml")
 
@@ -201,8 +200,8 @@ def hinged():
 def test_joints_with_friction_and_springs_are_read_back():
     model = hinged()
     loads = (
-        Friction("F", "J", "angle", 0.3, 0.02, 1e-3),
-        Friction("G", "J", "slide", 0.1, 1.0, 1e-4),
+        friction("F", "J", "angle", 0.3, 0.02, 1e-3),
+        friction("G", "J", "slide", 0.1, 1.0, 1e-4),
         JointSpring("S", "J", "slide", 3.0, 0.1, 0.2, compliance=True),
         JointSpring("T", "J", "angle", 0.0, 0.1, table=Law("linear", (-1.0, 1.0, -2.0, 3.0))),
     )

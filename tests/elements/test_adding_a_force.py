@@ -1,12 +1,15 @@
 """The force of docs/adding-an-element.md, which the program does not have, added as it says."""
 
+import inspect
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from msahl.laws.registry import COORDINATE_LAWS, POINT_LAWS
 from tests.support.guide import (
     ROOT,
     apply,
@@ -21,6 +24,7 @@ from tests.support.guide import (
 GUIDE = section("Adding a force")
 (LAW,) = listings(GUIDE, "python")
 (DECK,) = listings(GUIDE, "xml")
+ALONG = section("Adding a force along a coordinate")
 
 
 @pytest.fixture(scope="module")
@@ -110,4 +114,59 @@ def test_the_tests_of_the_guide_hold_the_force_to_all_laws(checkout):
     schemes = "(follows_the_laws and (preserving or gauss2))"
     chosen = f"viscousDrag or outside or every_kind or changes_the_motion or {schemes}"
     result = run_tests(checkout, "-n", "0", *laws, "-k", chosen)
+    assert result.returncode == 0, result.stdout[-2000:]
+
+
+@pytest.fixture(scope="module")
+def along(tmp_path_factory):
+    """A copy of the program with the force along a coordinate of the guide."""
+    root = tmp_path_factory.mktemp("along")
+    copy_program(root, "tests", "tools")
+    shutil.copy(ROOT / "pyproject.toml", root)
+    for changes in listings(ALONG, "diff"):
+        apply(root, changes)
+    (root / "msahl" / "laws" / "cogging.py").write_text(*listings(ALONG, "python"))
+    (root / "cogging.xml").write_text(*listings(ALONG, "xml"))
+    return root
+
+
+def test_laws_have_at_most_40_lines():
+    laws = [law.load for law in POINT_LAWS.values()]
+    laws += [law.potential for law in COORDINATE_LAWS.values() if law.is_elastic]
+    laws += [law.resistance for law in COORDINATE_LAWS.values() if not law.is_elastic]
+    known = [Path(inspect.getfile(function)).read_text() for function in laws]
+    for text in (LAW, *listings(ALONG, "python"), *known):
+        assert len(text.splitlines()) <= 40
+
+
+def test_the_force_along_a_coordinate_is_checked_and_run(along):
+    good = call(along, "check", "cogging.xml")
+    assert (good.returncode, good.stdout) == (0, "cogging.xml: good\n"), good.stderr
+    ends = []
+    for dt in ("0.02", "0.01"):
+        run = call(along, "run", "cogging.xml", "--dt", dt, "-o", dt)
+        assert run.returncode == 0, run.stderr
+        table = pd.read_csv(along / dt / "states.csv")
+        ends.append(4.0 * np.arctan(table["Wheel.P3"].iloc[-1] / 4.0))
+        energy = (
+            0.01 * table["Wheel.wz"] ** 2 + pd.read_csv(along / dt / "work.csv")["Magnets.energy"]
+        )
+        # The quotient of the potential keeps the energy of 0.04 J at any step size.
+        assert np.ptp(energy) < 1e-14
+    coarse, fine = (abs(end + 0.031863911290195356) for end in ends)
+    assert fine < 2e-3
+    assert coarse / fine == pytest.approx(4.0, rel=0.05)  # order 2
+
+
+@pytest.mark.slow
+def test_the_tests_of_the_guide_hold_the_force_along_a_coordinate_to_all_laws(along):
+    laws = [
+        "tests/elements/test_laws.py::test_the_jacobian_is_the_derivative_of_the_residual",
+        "tests/elements/test_forces.py",
+        "tests/schemes/collocation/test_gauss.py::test_the_derivative_of_every_element",
+        "tests/validation/test_error_table.py::test_accelerations_are_those_of_the_engine",
+    ]
+    schemes = "(follows_the_laws and (preserving or gauss2))"
+    chosen = f"cogging or every_kind or changes_the_motion or {schemes}"
+    result = run_tests(along, "-n", "0", *laws, "-k", chosen)
     assert result.returncode == 0, result.stdout[-2000:]

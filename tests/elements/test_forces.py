@@ -12,7 +12,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from msahl.algebra.functions import Law
 from msahl.algebra.rotation import compose, from_axis_angle, from_increment
@@ -20,13 +20,13 @@ from msahl.algebra.vector import ZERO
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.expressions.syntax import parse
-from msahl.laws.registry import POINT_LAWS
+from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
-    Friction,
     Joint,
     JointActuator,
+    JointLoad,
     JointSpring,
     Marker,
     MarkerActuator,
@@ -48,8 +48,8 @@ from msahl.system.build import build_system
 from msahl.system.diagnostics import energy_balance
 from msahl.system.state import build_state
 from tests.support.element_samples import LOADS, random_vector, sample_parameters
-from tests.support.models import GROUND, body, build_model
-from tools.validation.reference import POINT_FORCES
+from tests.support.models import GROUND, body, build_model, friction
+from tools.validation.reference import JOINT_LOADS, POINT_FORCES
 
 MASS, INERTIA, ARM, GRAVITY = 2.0, 0.3, 0.5, 9.81
 START, RATE, T = 0.4, 4.0, 0.24
@@ -62,6 +62,9 @@ Y_AXES = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 TIP, SIDE, HOOK = (0.1, 0.0, 0.3), (0.05, 0.0, 0.4), (0.6, 0.0, 0.2)
 """Points on the bob, from its mass centre, and on the ground [m]."""
+
+OTHERS = {name: law for name, law in JOINT_LAWS.items() if not law.by_reaction}
+"""Laws of forces along a joint's coordinate that do not depend on its reaction."""
 
 PENDULUM = {
     "push": ConcentratedLoad(
@@ -83,7 +86,11 @@ PENDULUM = {
         "motor", "Pivot", "angle", parse("2.5*sin(3*t) - 0.8*Pivot.angle - 0.2*Pivot.angleRate")
     ),
     "ram": MarkerActuator("ram", "Eye", "Tip", parse("1.5 + 0.5*Tip.x - 0.1*Tip.vz")),
-    "rub": Friction("rub", "Pivot", "angle", 0.3, 0.1, 3.0),
+    "rub": friction("rub", "Pivot", "angle", 0.3, 0.1, 3.0),
+    **{
+        name: JointLoad(name, name, "Pivot", "angle", sample_parameters(law, "angle"))
+        for name, law in OTHERS.items()
+    },
 }
 """A load of each kind, by its name; all act in the plane of the motion, and one is in the
 compliance form.
@@ -164,6 +171,10 @@ class Exact:
         force = push * D / length
         all_of_it["ram"] = (force, dP @ force, push * speed)
 
+        for name in OTHERS:
+            moment, tension = (self.along(name, theta - START, of) for of in (rate, 0.0))
+            all_of_it[name] = (np.zeros(2), moment, (moment - tension) * rate)
+
         P, dP = self.at(theta, (0.0, 0.0, 0.3))
         move = P - self.first[2:4]
         force = -np.array([9.0 * move[0] + 0.4 * dP[0] * rate, 5.0 * move[1]])
@@ -172,6 +183,10 @@ class Exact:
         power = -0.4 * (dP[0] * rate) ** 2 - 0.2 * rotation_rate**2
         all_of_it["mount"] = (force, dP @ force + moment, power)
         return {name: all_of_it[name] for name in all_of_it if name in self.names}
+
+    def along(self, name, angle, rate):
+        """Moment [N m] by a law of the angle, from t = 0, and of its rate."""
+        return JOINT_LOADS[name](angle, rate, 0.0, **dict(sample_parameters(OTHERS[name], "angle")))
 
     def acceleration(self, t, theta, rate):
         """Angular acceleration [rad/s^2] and power of each force [W]."""
@@ -190,7 +205,11 @@ class Exact:
         return alpha, np.array([powers.get(name, 0.0) for name in WORKING])
 
     def energies(self, theta):
-        """Elastic energies [J] of line, coil and mount."""
+        """Elastic energies [J] of line, coil, mount, and of laws with a potential."""
+        elastic = [name for name, law in OTHERS.items() if law.is_elastic]
+        others = [
+            -quad(lambda q, of=of: self.along(of, q, 0.0), 0.0, theta - START)[0] for of in elastic
+        ]
         line, _, x, z, rotation = self.lengths(theta)
         dx, dz, drotation = x - self.first[2], z - self.first[3], rotation - self.first[4]
         stretch, twist = line - 0.5, theta - START - 0.2
@@ -199,6 +218,7 @@ class Exact:
                 2.0 * stretch + 15.0 * stretch**2,
                 0.7 * twist + 3.0 * twist**2,
                 4.5 * dx**2 + 2.5 * dz**2 + 1.5 * drotation**2,
+                *others,
             ]
         )
 

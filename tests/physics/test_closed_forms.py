@@ -11,7 +11,6 @@ from msahl.algebra.vector import ZERO
 from msahl.model import (
     ConcentratedLoad,
     Coupling,
-    Friction,
     JointMotion,
     JointSpring,
     Law,
@@ -19,7 +18,7 @@ from msahl.model import (
     SpringDamper,
 )
 from tests.support.element_samples import Frame, Sample, joint_between, vector
-from tests.support.models import GROUND, body, build_model, deck, drag, simulate
+from tests.support.models import GROUND, body, build_model, deck, drag, friction, simulate
 
 X, Y, Z = np.eye(3)
 EARTH = GROUND.name
@@ -123,7 +122,7 @@ def test_drag_lets_a_body_fall_at_its_limit():
 
 def test_friction_slows_a_sledge_by_its_coefficient_times_weight():
     mu, v0 = 0.3, 3.0
-    rub = Friction("F", "Rail", "slide", mu, 1.0, 1e-3)
+    rub = friction("F", "Rail", "slide", mu, 1.0, 1e-3)
     model = sledge(loads=[rub], gravity=(0.0, 0.0, -G), t_final=1.5)
     model = replace(model, bodies=(replace(model.bodies[0], velocity=(v0, 0.0, 0.0)),))
     run = simulate(model, dt=0.002)
@@ -141,7 +140,7 @@ def test_friction_slows_a_sledge_by_its_coefficient_times_weight():
 def test_friction_in_a_hinge_slows_a_wheel():
     """An axle of radius r under the weight m g: moment mu r m g."""
     mu, r, w0 = 0.2, 0.05, 8.0
-    model = wheel(loads=[Friction("F", "Axle", "angle", mu, r, 0.01)], gravity=(0.0, -G, 0.0))
+    model = wheel(loads=[friction("F", "Axle", "angle", mu, r, 0.01)], gravity=(0.0, -G, 0.0))
     model = replace(model, bodies=(replace(model.bodies[0], angular_velocity=(0.0, 0.0, w0)),))
     run = simulate(model, dt=0.002, t_final=1.0)
     known = w0 - mu * r * 2.0 * G / 0.04 * run.time

@@ -8,13 +8,13 @@ from scipy.integrate import solve_ivp
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
-from msahl.model import Friction, Joint, JointMotion, SpringDamper
+from msahl.model import Joint, JointMotion, SpringDamper
 from msahl.model.scheme import choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from tests.support.closed_forms import recognise
-from tests.support.models import GROUND, body, build_model, deck, pendulum, simulate
+from tests.support.models import GROUND, body, build_model, deck, friction, pendulum, simulate
 
 G, ARM = 9.80665, 5.0
 ROUNDED = 1e-12
@@ -152,7 +152,7 @@ def test_a_sledge_is_slowed_by_its_friction(scheme):
     """By mu g where the regularised friction is fully developed."""
     rail = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     slide = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO, rail, rail)
-    rub = Friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-3)
+    rub = friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-3)
     sledge = body(velocity=(1.0, 0.0, 0.0))
     model = build_model([sledge], [slide], [rub], gravity=(0.0, 0.0, -G), dt=0.01, t_final=0.1)
     if scheme == "auto":

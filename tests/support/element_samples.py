@@ -14,14 +14,14 @@ from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.algebra.surfaces import Surface
 from msahl.algebra.vector import ZERO
 from msahl.expressions.syntax import Call, Lookup, Name, parse
-from msahl.laws.registry import POINT_LAWS
+from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Friction,
     Joint,
     JointActuator,
+    JointLoad,
     JointMotion,
     JointSpring,
     Law,
@@ -38,6 +38,7 @@ from tests.support.models import (
     GROUND,
     build_model,
     free_bodies,
+    friction,
     jointed,
     loaded,
     random_body,
@@ -302,9 +303,23 @@ def at_a_point(law):
     return make
 
 
-def sample_parameters(law):
+def on_a_joint(law):
+    """A force by a law along each coordinate of a cylindrical joint."""
+    return along_joint(
+        "cylindrical",
+        *(
+            JointLoad(name, law.name, "J0", name, sample_parameters(law, name))
+            for name in ("slide", "angle")
+        ),
+    )
+
+
+def sample_parameters(law, coordinate=""):
     """Numbers of a law, different ones between its bounds."""
-    values = ((field, 0.4 + 0.1 * k) for k, field in enumerate(law.fields))
+    values = (
+        (field, 1.0 if field.quantity_along(coordinate) is None else 0.4 + 0.1 * k)
+        for k, field in enumerate(law.fields)
+    )
     bounds = ((field, max(field.least, field.above), value) for field, value in values)
     return tuple((field.name, max(value, bound + value)) for field, bound, value in bounds)
 
@@ -429,12 +444,13 @@ LOADS = {
     **{name: at_a_point(law) for name, law in POINT_LAWS.items()},
     "actuator": controlled,
     "actuator, markers": steered,
-    "friction": along_joint("revolute", Friction("F", "J0", "angle", 0.3, 0.1, 0.5)),
-    "friction, slide": along_joint("prismatic", Friction("F", "J0", "slide", 0.2, 1.0, 0.5)),
+    **{name: on_a_joint(law) for name, law in JOINT_LAWS.items()},
+    "friction": along_joint("revolute", friction("F", "J0", "angle", 0.3, 0.1, 0.5)),
+    "friction, slide": along_joint("prismatic", friction("F", "J0", "slide", 0.2, 1.0, 0.5)),
     "friction, cylindrical": along_joint(
         "cylindrical",
-        Friction("F", "J0", "slide", 0.2, 1.0, 0.5),
-        Friction("G", "J0", "angle", 0.2, 0.1, 0.5),
+        friction("F", "J0", "slide", 0.2, 1.0, 0.5),
+        friction("G", "J0", "angle", 0.2, 0.1, 0.5),
     ),
 }
 

@@ -12,6 +12,7 @@ from msahl.model import (
     ConcentratedLoad,
     Ground,
     Joint,
+    JointLoad,
     Model,
     Options,
     PointLoad,
@@ -32,6 +33,12 @@ DECKS = sorted(path for path in (ROOT / "decks").glob("*/*.xml") if path not in 
 GROUND = Ground("Earth")
 DOWN = (0.0, 0.0, 9.80665)
 """Gravity along +z, as in the thesis's pendulums."""
+
+
+def friction(name, joint, coordinate, coefficient, radius, width):
+    """Coulomb friction; the radius along a slide is 1."""
+    numbers = (("coefficient", coefficient), ("radius", radius), ("width", width))
+    return JointLoad(name, "friction", joint, coordinate, numbers)
 
 
 def drag(name, body, point, coefficient):

@@ -11,7 +11,6 @@ from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Friction,
     Joint,
     JointMotion,
     JointSpring,
@@ -30,7 +29,16 @@ from tests.support.element_samples import (
     side_by_side,
     vector,
 )
-from tests.support.models import GROUND, body, build_model, drag, random_vector, simulate, tensor
+from tests.support.models import (
+    GROUND,
+    body,
+    build_model,
+    drag,
+    friction,
+    random_vector,
+    simulate,
+    tensor,
+)
 
 X, Y, Z = np.eye(3)
 FRAMES = {
@@ -143,7 +151,7 @@ ELEMENTS = {
     "concentrated": loaded(
         ConcentratedLoad("L", "B", AT, (4.0, 0.0, 2.0), "A", vector(2.0 * Y), GROUND.name, PUSH)
     ),
-    "friction": joined("revolute", "axis across", Friction("F", "J", "angle", 0.3, 0.1, 0.5)),
+    "friction": joined("revolute", "axis across", friction("F", "J", "angle", 0.3, 0.1, 0.5)),
 }
 
 

@@ -38,8 +38,8 @@ from msahl.model.joints import Joint
 from msahl.model.loads import (
     Bushing,
     ConcentratedLoad,
-    Friction,
     JointActuator,
+    JointLoad,
     JointSpring,
     MarkerActuator,
     PointLoad,
@@ -61,6 +61,12 @@ POINT_FORCES: dict[str, Callable[..., np.ndarray]] = {
     "drag": lambda V, coefficient: -coefficient * np.sqrt(V @ V) * V,
 }
 """Force at a point with the velocity V, by each law."""
+JOINT_LOADS: dict[str, Callable[..., float]] = {
+    "friction": lambda q, rate, N, coefficient, radius, width: (
+        -coefficient * radius * N * np.tanh(rate / width)
+    ),
+}
+"""Load along a coordinate q of a joint with the reaction force N, by each law."""
 FRICTION_ROUNDS = 60
 """Most iterations for the normal force of friction, each a contraction by about its coefficient."""
 
@@ -287,7 +293,7 @@ class Equations:
                 names.add(coupling.second)
         for element in (*self.model.loads, *self.model.motions):
             if (
-                isinstance(element, JointSpring | Friction | JointMotion)
+                isinstance(element, JointSpring | JointLoad | JointMotion)
                 and element.coordinate == "angle"
             ):
                 names.add(element.joint)
@@ -669,9 +675,9 @@ class Equations:
         solve = self._solver(rows, np.array(right))
         f = self.loads()
         a, multipliers = solve(f)
-        frictions = [load for load in self.model.loads if isinstance(load, Friction)]
-        if frictions:
-            a, multipliers = self._with_friction(frictions, f, rows, starts, solve, multipliers)
+        along = [load for load in self.model.loads if isinstance(load, JointLoad)]
+        if along:
+            a, multipliers = self._with_joint_loads(along, f, rows, starts, solve, multipliers)
         return a, multipliers, np.array(starts)
 
     def _solver(self, G: Array, right: Array) -> Callable[[Array], tuple[Array, Array]]:
@@ -697,9 +703,9 @@ class Equations:
 
         return solve
 
-    def _with_friction(
+    def _with_joint_loads(
         self,
-        frictions: list[Friction],
+        along: list[JointLoad],
         f: Array,
         G: Array,
         starts: list[int],
@@ -710,14 +716,16 @@ class Equations:
         names = list(self.joints)
         for _ in range(FRICTION_ROUNDS):
             total = f.copy()
-            for friction in frictions:
-                q = self.coordinate(friction.joint, friction.coordinate)
-                j = names.index(friction.joint)
-                place = self.bodies[self.index[self.joints[friction.joint].child]].place
+            for of in along:
+                q = self.coordinate(of.joint, of.coordinate)
+                j = names.index(of.joint)
+                place = self.bodies[self.index[self.joints[of.joint].child]].place
                 rows = slice(starts[j], starts[j + 1])
                 N = np.linalg.norm(lam[rows] @ G[rows, place : place + 3])
-                load = friction.coefficient * friction.radius * N
-                total -= load * np.tanh(q.rate / friction.width) * q.G
+                law = JOINT_LOADS[of.law]
+                angular = of.coordinate == "angle"
+                value = q.value + (angle_offset(self.joints[of.joint]) if angular else 0.0)
+                total += law(value, q.rate, N, **dict(of.parameters)) * q.G
             a, new = solve(total)
             done = np.abs(new - lam).max() <= 1e-15 * np.abs(new).max()
             lam = new

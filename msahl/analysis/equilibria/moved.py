@@ -144,7 +144,7 @@ def _load(load: Load, before: float, after: float) -> Load:
 def _spring_values(start: Point, point: Point) -> dict[int, tuple[float, float]]:
     """Return the values of the coordinates of springs at both configurations, angles counted, by
     the number of the load."""
-    springs = collect(start.model).springs
+    springs = collect(start.model).along
     if not springs:
         return {}
     before, after = _values(start), _values(point)

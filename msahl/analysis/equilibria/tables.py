@@ -33,7 +33,7 @@ from msahl.model import (
     PointLoad,
     SpringDamper,
 )
-from msahl.ports import forces, spring
+from msahl.ports import coordinate, forces
 from msahl.ports import point as at_points
 from msahl.run.observed import ObservedTables
 from msahl.run.tables import (
@@ -163,10 +163,10 @@ def _loads(point: Point, start: SystemWorkspace, signals: np.ndarray) -> Iterato
 
 def _tensions(point: Point, start: SystemWorkspace) -> dict[int, list[float]]:
     """Tensions of all springs, in the order of their coordinates, by the number of their load."""
-    group, found = point.system.forces.spring, dict[int, list[float]]()
-    for s, entry in enumerate(collect(point.model).springs):
-        q = spring.elongation(group, start.scalar.coordinates, s)
-        T, _ = spring.tension(group, point.system.forces.laws, s, q)
+    group, found = point.system.forces.along, dict[int, list[float]]()
+    for s, entry in enumerate(collect(point.model).along):
+        q = coordinate.elongation(group, start.scalar.coordinates, s)
+        T, _ = coordinate.tension(group, point.system.forces.laws, s, q)
         found.setdefault(entry.column, []).append(float(T))
     return found
 

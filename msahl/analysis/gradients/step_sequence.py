@@ -32,17 +32,22 @@ class StepRecord:
     complete: bool = True  # whether the run began at t = 0
 
     def add(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray, degree: int) -> None:
-        """Add the ``steps`` of a chunk; one that begins at t = 0 begins the run anew."""
+        """Add the ``steps`` of a chunk, each part that ends at an event as one; a chunk that begins
+        at t = 0 begins the run anew.
+        """
         if steps.begin == 0.0:
             self.steps, self.times, self.complete = [], [0.0], True
         elif not self.steps:
             self.complete = False
         first = len(self.times)
         for k, size in enumerate(steps.sizes):
-            due = range(int(schedule.due[k]), int(schedule.due[k + 1]))
-            shares = tuple(float(schedule.share[row]) for row in due)
-            rows = tuple(first + row for row in due)
-            self.steps.append(Step(float(size), degree, rows, shares))
+            due = slice(int(schedule.due[k]), int(schedule.due[k + 1]))
+            rows, share, begin = first + np.arange(due.start, due.stop), schedule.share[due], 0.0
+            for end in (*steps.parts.get(k, ()), 1.0):
+                kept, h = (share > begin) & (share <= end), end - begin
+                shares = tuple(((share[kept] - begin) / h).tolist())
+                self.steps.append(Step(float(size) * h, degree, tuple(rows[kept].tolist()), shares))
+                begin = end
         self.times += times.tolist()
 
 

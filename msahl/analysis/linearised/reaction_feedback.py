@@ -40,7 +40,8 @@ class Feedback(NamedTuple):
 
 def joints_used(system: System) -> np.ndarray:
     """Return the numbers of the joints whose reactions a friction or an expression depends on."""
-    used = [*system.forces.friction.joint.tolist()]
+    along = system.forces.along.joint
+    used = along[along >= 0].tolist()
     group = system.forces.signals
     if group is not None:
         used += group.item[group.kind == REACTION].tolist()

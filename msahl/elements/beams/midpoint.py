@@ -4,7 +4,7 @@
     rigid:     w J eps1 = 0                                               where C has zero rows
 
 lam is the mean over the step, minus the stress resultants (``group``); eps counts from the
-reference. chi and s are those of the decaying scheme, as with a spring (``forces.spring``). The
+reference. chi and s are those of the decaying scheme, as with a spring (``ports.coordinate``). The
 work of the beam's forces is lam . w J (eps1 - eps0) exactly (``strain``), so over a step the bodies
 receive what w J eps . C^-1 eps/2 loses, less what damping takes, for any h and any stiffness.
 

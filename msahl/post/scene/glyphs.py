@@ -11,9 +11,9 @@ from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Friction,
     Joint,
     JointActuator,
+    JointLoad,
     JointMotion,
     JointSpring,
     MarkerActuator,
@@ -143,8 +143,8 @@ def load_entries(model: Model, body: Mapping[str, int], place: Mapping[str, int]
             entry |= {"kind": "drag", "body": body[load.body], "point": floats(load.point)}
             if isinstance(load, ConcentratedLoad):
                 entry |= _constant_load(load, body)
-        elif isinstance(load, Friction | JointActuator):
-            kind = "friction" if isinstance(load, Friction) else "actuator"
+        elif isinstance(load, JointLoad | JointActuator):
+            kind = "friction" if isinstance(load, JointLoad) else "actuator"
             entry |= {"kind": kind, "joint": place[load.joint], "coordinate": load.coordinate}
         elif isinstance(load, MarkerActuator):
             a, b = markers[load.start], markers[load.end]

@@ -53,6 +53,8 @@ from msahl.system.arrays import State, new_system_workspace
 
 ENDS = 6
 """Conditions at the ends of a step: position, velocity and acceleration at both."""
+COARSE = -1
+"""Level without accelerations, for which ``fit_ends`` is enough: cubic polynomials."""
 PROJECTIONS = 2
 """Projections of interpolated positions onto the constraints; convergence is quadratic."""
 INWARDS, ROUND_OFF = 1e-12, 2e-15
@@ -86,7 +88,7 @@ class DenseOutput(NamedTuple):
     inner: (
         np.ndarray
     )  # (2 l or 2, 2 (n+1), 3) second rates at times within, before they are entered
-    basis: np.ndarray  # (l + 1, c, c) by level, coefficients of each condition's polynomial
+    basis: np.ndarray  # (l + 2, c, c) by level, coefficients of each condition's polynomial
     nodes: np.ndarray  # (l + 1, 2 l) by level, times of accelerations as fractions of the step
     value: np.ndarray  # (c,) basis polynomials at the output time, and their rates
     rate: np.ndarray  # (c,)
@@ -150,12 +152,13 @@ def _polynomials(most: int) -> tuple[np.ndarray, np.ndarray]:
     ``most``; all interpolations share them.
     """
     conditions = ENDS + 2 * most
-    basis = np.zeros((most + 1, conditions, conditions))
+    basis = np.zeros((most + 2, conditions, conditions))
     nodes = np.zeros((most + 1, max(2 * most, 1)))
     for level in range(most + 1):
         count = ENDS + 2 * level
         nodes[level, : 2 * level] = (np.arange(2 * level) + 1.0) / (2 * level + 1.0)
         basis[level, :count, :count] = _basis(nodes[level, : 2 * level])
+    basis[COARSE, :ENDS, :ENDS] = _coarse_basis()
     return basis, nodes
 
 
@@ -182,6 +185,14 @@ def _basis(nodes: np.ndarray) -> np.ndarray:
     ]
     rows += [4.0 * polynomial.polyval(2.0 * t - 1.0, polynomial.polyder(powers, 2)) for t in nodes]
     return np.ascontiguousarray(np.linalg.inv(np.array(rows)).T)
+
+
+def _coarse_basis() -> np.ndarray:
+    """(6, 6) as ``_basis``, with positions and velocities alone: cubic polynomials."""
+    found = np.zeros((ENDS, ENDS))
+    found[0, :4], found[3, :4] = (0.5, -0.75, 0.0, 0.25), (0.5, 0.75, 0.0, -0.25)
+    found[1, :4], found[4, :4] = (0.125, -0.125, -0.125, 0.125), (-0.125, -0.125, 0.125, 0.125)
+    return found
 
 
 @kernel
@@ -219,12 +230,11 @@ def copy_end(point: StepEnd, other: StepEnd) -> None:
     copy(point.reaction, other.reaction)
 
 
-@unit
-def fit(output: DenseOutput, instant: Instant) -> None:
-    """Fit the polynomials between ``begin`` and ``end``."""
+@kernel
+def fit_ends(output: DenseOutput) -> None:
+    """Fit the cubic polynomials of the level ``COARSE`` between ``begin`` and ``end``."""
     begin, end, curve = output.begin, output.end, output.curve
     frames = output.workspace.system.frames
-    signal_group = output.workspace.system.forces.signals
     h = end.time[0] - begin.time[0]
     for b in range(moving_count(frames)):
         c = compose(at(end.p, b), inverse(at(begin.p, b)))
@@ -237,13 +247,22 @@ def fit(output: DenseOutput, instant: Instant) -> None:
         put(curve[3], Q_node, c)
         put(curve[4], u_node, scale(h, at(end.v, b)))
         put(curve[4], Q_node, scale(h, local_rotation.parameter_rate(c, at(end.W, b))))
-    for level in range(output.basis.shape[0]):
+
+
+@unit
+def fit(output: DenseOutput, instant: Instant) -> None:
+    """Fit the polynomials between ``begin`` and ``end``."""
+    begin, end, curve = output.begin, output.end, output.curve
+    signal_group = output.workspace.system.forces.signals
+    h = end.time[0] - begin.time[0]
+    fit_ends(output)
+    for level in range(output.nodes.shape[0]):
         count = 2 if level == 0 else 2 * level
         for m in range(count):
             if level == 0:
                 _set_to_end(output, begin if m == 0 else end)
             else:
-                _set_auxiliary(signal_group, output, level - 1, h, output.nodes[level, m])
+                set_auxiliary(signal_group, output, level - 1, h, output.nodes[level, m])
                 set_basis_weights(output, level - 1, output.nodes[level, m])
                 interpolate(output, h, output.nodes[level, m])
             save_accelerations(output, instant, h, m)
@@ -273,7 +292,7 @@ def _set_to_end(output: DenseOutput, point: StepEnd) -> None:
 
 
 @optional()
-def _set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, tau: float) -> None:
+def set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, tau: float) -> None:
     """Set the auxiliary states to those at the fraction ``tau`` of the step, by the motion of this
     ``level``; ``output.signals`` receives those at the Gauss nodes before.
     """
@@ -311,7 +330,7 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
 @kernel
 def set_basis_weights(output: DenseOutput, level: int, tau: float) -> None:
     """Evaluate the basis polynomials and their rates at the fraction ``tau`` of the step."""
-    count, x = ENDS + 2 * level, 2.0 * tau - 1.0
+    count, x = ENDS + 2 * max(level, 0), 2.0 * tau - 1.0
     for i in range(output.value.size):
         value, rate = 0.0, 0.0
         if i < count:
@@ -373,11 +392,11 @@ def save_accelerations(output: DenseOutput, instant: Instant, h: float, m: int) 
 def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> None:
     """Write the state at the fraction ``tau`` of the fitted step into a ``row`` of the tables."""
     workspace, begin, end = output.workspace, output.begin, output.end
-    h, last = end.time[0] - begin.time[0], output.basis.shape[0] - 1
+    h, last = end.time[0] - begin.time[0], output.nodes.shape[0] - 1
     for w in range(begin.work.size):
         workspace.state.work[w] = begin.work[w]
     group, own = workspace.system.forces.signals, workspace.start.forces.signals
-    _set_auxiliary(group, output, last, h, tau)
+    set_auxiliary(group, output, last, h, tau)
     if begin.work.size > 0:
         for i in range(output.gauss.size):
             set_basis_weights(output, last, tau * output.gauss[i])

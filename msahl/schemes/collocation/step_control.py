@@ -17,8 +17,9 @@ with h^(p+1), so e/h goes with h^p, and the next pair has the size
     h <- 0.9 h (tol h / (T e))^(1/p)      within limits of one change                     (1)
 
 No pair extends beyond a breakpoint: where a law of time has one is known, and where a coordinate
-reaches a breakpoint of a spring's table or of a cam, or the width of a friction law, is searched
-for (``breakpoints``).
+reaches a breakpoint of a spring's table or of a cam, or the width of a friction law, is an event of
+one of the halves (``step_events``). The pair is taken again up to there, by the secant, until the
+coordinate is at the breakpoint to round-off.
 
 The positions at the ends of steps say little where motions are prescribed (if all are, there is no
 error) or where loads oscillate (their impulses are exact). So in all systems but those of
@@ -37,15 +38,20 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
-from msahl.jit.kernel import kernel
+from msahl.events import margins
+from msahl.events.margins import END as END_OF_RUN
+from msahl.jit.kernel import kernel, optional
 from msahl.ports import forces
-from msahl.schemes.collocation import breakpoints, dense_output, newton
-from msahl.schemes.collocation.breakpoints import Breakpoints, new_breakpoints
+from msahl.schemes import step_events
+from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.common.workspace import Workspace
+from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, record_figures
+from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, STATES = range(11)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
@@ -57,7 +63,12 @@ ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
 SEARCHES = 12
-"""Most searches for one breakpoint; each squares the distance from it."""
+"""Most pairs that are taken for one event: by the secant, four or five lead to round-off."""
+REACHED = 1e-9
+"""Fraction of a pair within which its end is where it was to be."""
+NO_EVENT, AGAIN, ENDS = 0.0, 1.0, 2.0
+"""What follows from the events of a pair: nothing, to take it again up to one, or that the run ends
+within it."""
 MAX_ROTATION = 1.5
 """Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a
 revolution relative to each other, as is needed to count full revolutions of their angle."""
@@ -82,6 +93,7 @@ class StepControl(NamedTuple):
 
     figures: np.ndarray  # (10 + n,) see above
     counts: np.ndarray  # (4,)
+    event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
     ends: np.ndarray  # (steps,) times of their ends [s]
     start: State  # at the start of the pair
@@ -94,7 +106,7 @@ class StepControl(NamedTuple):
     work: np.ndarray  # (w,) at its end [J]
     auxiliary: np.ndarray  # (n,) auxiliary states there
     checks_rows: bool  # whether errors of the dense output and of works count as well
-    breakpoints: Breakpoints
+    timed: np.ndarray  # (l,) piecewise laws of time
 
 
 def new_step_control(
@@ -110,6 +122,7 @@ def new_step_control(
     return StepControl(
         figures=figures,
         counts=np.zeros(4, dtype=np.int64),
+        event=np.zeros(1, dtype=np.int64),
         sizes=np.zeros(steps),
         ends=np.zeros(steps),
         start=State(*(array.copy() for array in state)),
@@ -124,16 +137,22 @@ def new_step_control(
         checks_rows=system.scalar is not None
         or state.auxiliary.size > 0
         or max(forces.laws_of_time(system.forces), default=-1) >= 0,
-        breakpoints=new_breakpoints(system),
+        timed=margins.laws_of_time(system),
     )
 
 
 @kernel
 def take_pairs(
-    subsystem: CollocationWorkspace, control: StepControl, order: int, last: int, times: np.ndarray
+    subsystem: CollocationWorkspace,
+    control: StepControl,
+    detector: Detector | None,
+    order: int,
+    last: int,
+    times: np.ndarray,
 ) -> int:
-    """Take pairs until there are ``last`` steps or all rows of the ``times`` are written; return
-    the number of steps taken. 0 means that no pair converges within the tolerance, however small.
+    """Take pairs until there are ``last`` steps or all rows of the ``times`` are written, or until
+    the run ends within the next pair; return the number of steps taken. 0 means else that no pair
+    converges within the tolerance, however small.
 
     With ``last`` = 0 one pair is tried and taken back. Refused pairs count as well, except for
     those before the first accepted one: a call ends in time, however hard the steps become.
@@ -141,20 +160,25 @@ def take_pairs(
     done, tried, figures = 0, 0, control.figures
     control.counts[ROWS] = 0
     if last == 0:
-        return int(try_pair(subsystem, control, order, 0, False))
+        return int(try_pair(subsystem, control, detector, order, 0, False))
     while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
         tried += 2
-        if try_pair(subsystem, control, order, done, True):
+        if try_pair(subsystem, control, detector, order, done, True):
             done += 2
             write_rows(subsystem, control, times)
-        elif figures[NEXT] < TOO_SMALL * figures[END]:
+        elif ends_run(detector) > 0.0 or figures[NEXT] < TOO_SMALL * figures[END]:
             break
     return done
 
 
 @kernel
 def try_pair(
-    subsystem: CollocationWorkspace, control: StepControl, order: int, row: int, commit: bool
+    subsystem: CollocationWorkspace,
+    control: StepControl,
+    detector: Detector | None,
+    order: int,
+    row: int,
+    commit: bool,
 ) -> bool:
     """Take a pair, into the rows ``row`` and ``row + 1`` of the monitor; return whether its error
     is small enough. If it is not, or if the pair is not to be kept, the state is as before and only
@@ -166,14 +190,14 @@ def try_pair(
     h = pair_size(subsystem, figures[NEXT], left)
     copy_state(workspace.state, control.start)
     dense_output.save_end(subsystem.dense_output.begin, workspace)
-    breakpoints.save_coordinates(control.breakpoints, workspace, 0)
-    if not take_pair(subsystem, control, h, row):
+    begin_pair(detector, workspace)
+    if not take_pair(subsystem, control, detector, h, row):
         figures[NEXT] = figures[BEST] = 0.25 * h
         control.counts[REFUSED] += 1
         restore_start(subsystem, control)
         newton.reset_prediction(subsystem)
         return False
-    if commit and passes_breakpoint(subsystem, control, h):
+    if commit and seek_event(detector, control, t, h) != NO_EVENT:
         restore_start(subsystem, control)
         restore_polynomials(subsystem, t, h)
         return False
@@ -181,6 +205,7 @@ def try_pair(
     good = choose_next_size(subsystem, control, order, h, error, round_off)
     if good and commit:
         accept_pair(control, row, h, error)
+        keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
             newton.reset_prediction(subsystem)
         return True
@@ -194,8 +219,8 @@ def try_pair(
 @kernel
 def time_left(subsystem: CollocationWorkspace, control: StepControl, t: float) -> float:
     """Time [s] from ``t`` to where the pair must end at the latest."""
-    figures, system = control.figures, subsystem.workspace.system
-    law = breakpoints.next_law_breakpoint(control.breakpoints, system, t, TOO_SMALL * figures[END])
+    figures, laws = control.figures, subsystem.workspace.system.laws
+    law = margins.next_break(control.timed, laws, t, TOO_SMALL * figures[END])
     return min(figures[END], law, figures[STOP]) - t
 
 
@@ -277,21 +302,91 @@ def largest_angular_speed(W: np.ndarray) -> float:
     return math.sqrt(largest)
 
 
+@optional()
+def begin_pair(detector: Detector, workspace: Workspace) -> None:
+    """Save the margins at the start of a pair, if they are not known."""
+    detector.event[0] = -1
+    if detector.figures[step_events.KNOWN] != workspace.state.time[0]:
+        save_margins(detector, workspace, 0)
+
+
+@optional()
+def save_margins(detector: Detector, workspace: Workspace, place: int) -> None:
+    """Save the margins at the start (``place`` 0), the middle (1) or the end (2) of a pair."""
+    margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[place])
+
+
+@optional()
+def keep_margins(detector: Detector, workspace: Workspace) -> None:
+    """Let the margins at the end of an accepted pair be those at the start of the next one."""
+    for k in range(detector.low.size):
+        detector.ends[0, k] = detector.ends[2, k]
+    detector.figures[step_events.KNOWN] = workspace.state.time[0]
+
+
+@optional(0.0)
+def ends_run(detector: Detector) -> float:
+    """1 if the run ends within the pair tried last."""
+    k = detector.event[0]
+    return 1.0 if k >= 0 and detector.margins.action[k] == END_OF_RUN else 0.0
+
+
+@optional(0.0)
+def seek_event(detector: Detector, control: StepControl, t: float, h: float) -> float:
+    """Look for an event in the pair of size ``h`` from ``t``, and set where the next one ends."""
+    figures, seen = control.figures, detector.figures
+    if control.counts[SOUGHT] > 0 and abs(t + h - figures[STOP]) <= REACHED * h:
+        return approach(detector, control, t)
+    output = detector.output
+    dense_output.copy_end(output.begin, detector.begin)
+    dense_output.copy_end(control.middle, output.end)
+    found = step_events.find_event(detector, 0)
+    if not found:
+        dense_output.copy_end(control.middle, output.begin)
+        dense_output.copy_end(control.end, output.end)
+        found = step_events.find_event(detector, 1)
+        dense_output.copy_end(detector.begin, output.begin)
+    if not found:
+        return NO_EVENT
+    if ends_run(detector) > 0.0:
+        return ENDS
+    control.counts[SOUGHT] = 1
+    figures[STOP] = seen[step_events.GUESS]
+    control.event[0] = detector.event[0]
+    return AGAIN
+
+
 @kernel
-def passes_breakpoint(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
-    """Whether the pair passed a breakpoint of a coordinate; then it is to be taken again, and to
-    end there.
+def approach(detector: Detector, control: StepControl, t: float) -> float:
+    """Set where the next pair from ``t`` ends after one that was to end at an event, unless that
+    is at its level to round-off.
     """
-    part = breakpoints.first_crossing(control.breakpoints, subsystem.workspace.system, h)
-    if part == 1.0 or control.counts[SOUGHT] == SEARCHES:
-        return False
+    figures, seen, k = control.figures, detector.figures, control.event[0]
+    end, value = control.end.time[0], detector.ends[2, k] - seen[step_events.LEVEL]
+    last_end, last = seen[step_events.LAST_TIME], seen[step_events.LAST_VALUE]
+    near = value == 0.0
+    if control.counts[SOUGHT] > 1 and end != last_end:
+        near = abs(value) >= 0.5 * abs(last)  # round-off: the secant gains more
+        if value != last:
+            seen[step_events.RATE] = (value - last) / (end - last_end)
+    seen[step_events.LAST_TIME], seen[step_events.LAST_VALUE] = end, value
+    new = end - value / seen[step_events.RATE] if seen[step_events.RATE] != 0.0 else end
+    near = near or abs(new - end) <= ROUND_OFF * end
+    if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
+        return NO_EVENT
     control.counts[SOUGHT] += 1
-    control.figures[STOP] = control.start.time[0] + part * h
-    return True
+    figures[STOP] = new
+    return AGAIN
 
 
 @kernel
-def take_pair(subsystem: CollocationWorkspace, control: StepControl, h: float, row: int) -> bool:
+def take_pair(
+    subsystem: CollocationWorkspace,
+    control: StepControl,
+    detector: Detector | None,
+    h: float,
+    row: int,
+) -> bool:
     """Take a step of size ``h``, save its end, and take the same time in two halves; return whether
     all three were solved.
     """
@@ -311,7 +406,7 @@ def take_pair(subsystem: CollocationWorkspace, control: StepControl, h: float, r
             return False
         record_figures(system, state, start, 0.5 * h, workspace.monitor, row + half)
         dense_output.save_end(control.middle if half == 0 else control.end, workspace)
-        breakpoints.save_coordinates(control.breakpoints, workspace, 1 + half)
+        save_margins(detector, workspace, 1 + half)
     return True
 
 
@@ -321,7 +416,7 @@ def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float)
     output = subsystem.dense_output
     dense_output.save_end(output.end, subsystem.workspace)
     dense_output.fit(output, subsystem.instant)
-    dense_output.set_basis_weights(output, output.basis.shape[0] - 1, 0.5)
+    dense_output.set_basis_weights(output, output.nodes.shape[0] - 1, 0.5)
     dense_output.interpolate(output, h, 0.5)
     copy(output.workspace.state.x, control.x_middle)
     copy(output.workspace.state.p, control.p_middle)
@@ -377,31 +472,6 @@ def end_difference(subsystem: CollocationWorkspace, control: StepControl) -> tup
         error = max(error, math.sqrt(dot(u, u)) + length * math.sqrt(dot(c, c)))
         size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
     return error, ROUND_OFF * size
-
-
-@kernel
-def copy_state(state: State, other: State) -> None:
-    """Copy to ``other`` what a collocation step changes of the ``state``."""
-    other.time[0] = state.time[0]
-    copy(state.x, other.x)
-    copy(state.x_low, other.x_low)
-    copy(state.p, other.p)
-    copy(state.v, other.v)
-    copy(state.w, other.w)
-    copy(state.a, other.a)
-    copy(state.alpha, other.alpha)
-    copy(state.force, other.force)
-    copy(state.violation, other.violation)
-    copy(state.reaction, other.reaction)
-    copy(state.strain, other.strain)
-    for source, target in (
-        (state.angle, other.angle),
-        (state.work, other.work),
-        (state.auxiliary, other.auxiliary),
-        (state.elongation, other.elongation),
-    ):
-        for i in range(source.size):
-            target[i] = source[i]
 
 
 @kernel

@@ -12,22 +12,23 @@ from typing import Any
 
 import numpy as np
 
+from msahl.events.margins import build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
-from msahl.schemes.collocation import dense_output, newton, step_control
+from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace, kind_of
+from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Events, Stepper
-from msahl.system import evaluate
-from msahl.system.arrays import State
+from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
+_take_steps_to_event = compiled(steps_to_event.take_steps)
 _take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
@@ -39,8 +40,6 @@ TRIES = 3
 """Largest number of pairs tried to find the step size at a degree."""
 WORTH = 0.9
 """Fraction of the present work below which the degree is changed."""
-NEAR = 1e-9
-"""Fraction of a pair of steps within which its end is at an event."""
 
 
 class CollocationMethod:
@@ -52,6 +51,7 @@ class CollocationMethod:
         self.workspace, self.scheme = workspace, scheme
         self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
+        self.detections: dict[int, Detection | None] = {}
         self.set_degree(degree)
 
     @property
@@ -59,12 +59,23 @@ class CollocationMethod:
         """See ``StepMethod``."""
         kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
-        return f"{kind}{friction}-collocation"
+        events = "-events" if self.detection else ""
+        return f"{kind}{friction}-collocation{events}"
 
     @property
     def calls(self) -> list[Call]:
         """See ``StepMethod``."""
-        return [(_take_steps, (self.subsystem, 0.0, 0, 0, NO_ROWS, NO_TIMES))]
+        steps = 0.0, 0, 0, NO_ROWS, NO_TIMES
+        plain, detection = (_take_steps, (self.subsystem, *steps)), self.detection
+        if not detection:
+            return [plain]
+        parts = (
+            [plain, (_record_step, (self.subsystem, 0.0, 0, NO_ROWS, NO_TIMES))]
+            if detection.splits
+            else []
+        )
+        given = _take_steps_to_event, (self.subsystem, detection.detector, *steps)
+        return [given, *parts, *detection.calls]
 
     @property
     def rare_calls(self) -> list[Call]:
@@ -94,11 +105,26 @@ class CollocationMethod:
         if degree not in self.by_degree:
             fresh = new_collocation_workspace(self.workspace, self.scheme, degree)
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
-        self.subsystem = self.by_degree[degree]
+            self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
+        self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
         newton.reset_prediction(self.subsystem)
+
+    def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
+        """What detects events, if there can be any; steps of order 2 do not end at breakpoints,
+        across which they have the same order.
+        """
+        splits = COLLOCATION[self.scheme].order(degree) > 2
+        margins = build_margins(self.workspace.system, splits)
+        if margins is None:
+            return None
+        output, instant = subsystem.dense_output, subsystem.instant
+        return Detection(margins, self.workspace, output, instant, self.storage)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
+        if self.detection:
+            given = self.subsystem, self.detection.detector, h, first, last
+            return int(_take_steps_to_event(*given, schedule.due, schedule.share))
         return int(_take_steps(self.subsystem, h, first, last, schedule.due, schedule.share))
 
     def take_step(self, h: float, share: float) -> Outcome:
@@ -154,7 +180,7 @@ class AdaptiveStepper:
     ) -> None:
         self.method, self.workspace, self.degrees = method, method.workspace, degrees
         self.requests = Requests()
-        self.events: Events | None = None
+        self.armed = math.inf
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         self.tolerance = settings.tolerance
         chunk = len(self.workspace.monitor.rows)
@@ -172,7 +198,7 @@ class AdaptiveStepper:
     @property
     def calls(self) -> list[Call]:
         """See ``Stepper``."""
-        return [(_take_pairs, (self.method.subsystem, self.control, self.order, 0, NO_TIMES))]
+        return [(_take_pairs, self._pairs(0, NO_TIMES))]
 
     @property
     def memory(self) -> Any:
@@ -200,6 +226,10 @@ class AdaptiveStepper:
         """See ``Stepper``."""
         self.method.reset_prediction()
 
+    def arm(self, time: float) -> None:
+        """See ``Stepper``."""
+        self.armed = time
+
     def follow_degree(self, other: Stepper) -> None:
         """See ``Stepper``."""
         self.method.set_degree(other.counters["degree"])
@@ -219,46 +249,26 @@ class AdaptiveStepper:
                 self.review = accepted + self.pause
                 self.pause = min(2 * self.pause, LONGEST_PAUSE)
             most = min(most, 2 * (self.review - accepted))
-        if self.events is None:
-            done = self._take_pairs(max(2, most), chunk.times)
-        else:
-            done = self._take_pair_to_event(self.events, chunk.times)
+        detection, event = self.method.detection, None
+        if detection:
+            detection.arm(self.armed)
+        done = self._take_pairs(max(2, most), chunk.times)
+        if detection:
+            seen = detection.event()
+            event = seen if seen and seen.ends_run else None
         ends = self.control.ends[:done].copy()
         rows = int(self.control.counts[step_control.ROWS])
         schedule = OutputSchedule.passed(chunk.times[:rows], chunk.begin, ends)
-        return Advance(done, self.method.outcome, schedule, self.control.sizes[:done], ends)
+        sizes = self.control.sizes[:done]
+        return Advance(done, self.method.outcome, schedule, sizes, ends, event)
 
     def _take_pairs(self, most: int, times: np.ndarray) -> int:
         """Take pairs of steps, about ``most`` steps; the number of steps taken."""
-        return int(_take_pairs(self.method.subsystem, self.control, self.order, most, times))
+        return int(_take_pairs(*self._pairs(most, times)))
 
-    def _take_pair_to_event(self, events: Events, times: np.ndarray) -> int:
-        """Take one pair of steps, up to the first event in it, which is applied then."""
-        workspace, begin = self.workspace, float(self.workspace.state.time[0])
-        saved = [array.copy() for array in self._changing()]
-        before = State(*(array.copy() for array in workspace.state))
-        done = self._take_pairs(2, times)
-        end = float(workspace.state.time[0])
-        part = events.first(workspace, before, end - begin) if done else math.inf
-        if part < 1.0:
-            for array, value in zip(self._changing(), saved, strict=True):
-                array[:] = value
-            evaluate.prepare(workspace.system, workspace.state, workspace.start)
-            self.reset_prediction()
-            event = begin + part * (end - begin)
-            self.control.figures[step_control.STOP] = event
-            done = self._take_pairs(2, times)
-            # A pair that is refused is followed by a shorter one, which ends before the event.
-            reached = abs(float(workspace.state.time[0]) - event) <= NEAR * (end - begin)
-            part = 1.0 if done and reached else math.inf
-        if part == 1.0:
-            events.apply(workspace)
-            evaluate.prepare(workspace.system, workspace.state, workspace.start)
-            self.reset_prediction()
-        return done
-
-    def _changing(self) -> list[np.ndarray]:
-        return [*self.workspace.state, self.control.figures, self.control.counts]
+    def _pairs(self, most: int, times: np.ndarray) -> tuple[Any, ...]:
+        detector = self.method.detection.detector if self.method.detection else None
+        return self.method.subsystem, self.control, detector, self.order, most, times
 
     @property
     def order(self) -> int:

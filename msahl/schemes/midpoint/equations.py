@@ -15,7 +15,7 @@ lam h^2/(2 m), with the length l and the mass m of a frame. Equations are length
 Jacobian tends to a limit as h -> 0, and a residual is judged relative to the motion of the step.
 Forces are discrete gradients: a conservative system conserves its energy to the residual, for any
 h. In the decaying scheme (``Decay``), (a), (b) and the springs take energy from vibrations that are
-fast relative to the step (``elements.rigid_body``, ``ports.spring``), dt2 is more than
+fast relative to the step (``elements.rigid_body``, ``ports.coordinate``), dt2 is more than
 h^2/2, and the energy taken is the last of the state's works.
 
 Source: Hainge 2010, chapter II; M. Borri, F. Mello, S. N. Atluri 1991; C. L. Bottasso, D. Dopico,

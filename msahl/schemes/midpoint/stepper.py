@@ -1,10 +1,12 @@
 """Solves single steps of the schemes of order 2 for ``fixed_stepper.FixedStepper``."""
 
 from collections.abc import Callable
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msahl.events.margins import build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.schemes.common import accelerations, workspace
@@ -13,6 +15,9 @@ from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
+
+if TYPE_CHECKING:
+    from msahl.schemes.detection import Detection
 
 _take_steps = compiled(newton.take_steps)
 _take_step = compiled(newton.take_step)
@@ -37,18 +42,23 @@ class MidpointMethod:
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
+        self.detection = _new_detection(workspace, storage)
 
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
         kind = kind_of(self.workspace.system)
         kind += "-exponential" if self.workspace.system.frames.exponential else ""
+        kind += "-events" if self.detection else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
 
     @property
     def calls(self) -> list[Call]:
         """See ``StepMethod``."""
         steps, rows = (0.0, 0, 0), np.zeros(0, dtype=np.int64)
+        if self.detection:
+            given = self.workspace, self.instant, self.detection.detector, *steps, rows
+            return [(_steps_to_event(), given), *self.detection.calls]
         if self.instant is None:
             return [(_take_steps, (self.workspace, *steps, rows))]
         return [(_take_steps_instantaneous, (self.workspace, self.instant, *steps, rows))]
@@ -81,6 +91,9 @@ class MidpointMethod:
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
         rows = schedule.ends()
+        if self.detection:
+            given = self.workspace, self.instant, self.detection.detector, h, first, last, rows
+            return int(_steps_to_event()(*given))
         if self.instant is None:
             return int(_take_steps(self.workspace, h, first, last, rows))
         return int(_take_steps_instantaneous(self.workspace, self.instant, h, first, last, rows))
@@ -119,3 +132,24 @@ class MidpointMethod:
         state = self.workspace.state
         for trend in (state.a_trend, state.alpha_trend, state.force_trend):
             trend[:] = 0.0
+
+
+def _new_detection(workspace: Workspace, storage: Storage) -> "Detection | None":
+    """What detects the events that end a run, if there can be any: steps of order 2 have the same
+    order across a breakpoint, and do not end there. The code is only loaded where it is needed.
+    """
+    margins = build_margins(workspace.system, splits=False)
+    if margins is None:
+        return None
+    from msahl.schemes.collocation.dense_output import new_dense_output
+    from msahl.schemes.detection import Detection
+
+    output = storage.place("dense output", new_dense_output(workspace, order=2, decays=False))
+    return Detection(margins, workspace, output, None, storage)
+
+
+@cache
+def _steps_to_event() -> Any:
+    from msahl.schemes.midpoint.steps_to_event import take_steps
+
+    return compiled(take_steps)

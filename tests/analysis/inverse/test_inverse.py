@@ -14,8 +14,9 @@ from msahl.analysis.inverse.splines import derived
 from msahl.analysis.inverse.table import Track, motion_of_table, product, spins
 from msahl.analysis.inverse.verdict import verdict
 from msahl.analysis.linearised.point import at_start
-from msahl.model import Friction, Joint
+from msahl.model import Joint
 from tests.support.models import GROUND, ROOT, body, build_model
+from tests.support.models import friction as rubbing
 
 DECKS = ROOT / "decks"
 ABOUT_Y = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -242,7 +243,7 @@ def test_friction_of_an_arm_is_by_the_reactions_of_the_same_time():
     mass, length, speed, friction = 2.0, 0.5, 6.0, 0.03
     rod = body("Arm", mass, 0.1, (length, 0.0, 0.0))
     hinge = Joint("J", "revolute", GROUND.name, "Arm", ZERO, (-length, 0.0, 0.0), ABOUT_Y, ABOUT_Y)
-    rub = Friction("Rub", "J", "angle", 0.3, friction / 0.3, 1e-3)
+    rub = rubbing("Rub", "J", "angle", 0.3, friction / 0.3, 1e-3)
     model = build_model([rod], [hinge], [rub], gravity=(0.0, 0.0, -9.81))
     time = 0.1 * np.arange(10)
     motion = motion_of_table(["time", "J.angle"], np.stack([time, speed * time], 1), model, "table")

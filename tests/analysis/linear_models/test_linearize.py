@@ -21,7 +21,6 @@ from msahl.deck import read_deck
 from msahl.expressions.syntax import Call, Number, parse
 from msahl.model import (
     ConcentratedLoad,
-    Friction,
     Joint,
     JointActuator,
     JointSpring,
@@ -39,7 +38,7 @@ from tests.analysis.differences import slopes, values
 from tests.support.element_samples import ELEMENTS
 from tests.support.loops import PLANAR, SPATIAL, random_loop
 from tests.support.models import DECKS as DECKS_OF_ALL
-from tests.support.models import GROUND, ROOT, body, build_model, deck, simulate
+from tests.support.models import GROUND, ROOT, body, build_model, deck, friction, simulate
 
 MACHINES = ROOT / "decks" / "machines"
 STILL = {"kPosition": 0, "kVelocity": 0, "kAngle": 0, "kRate": 0}
@@ -375,7 +374,7 @@ def test_friction_on_a_belt_against_its_equation():
     far = -1e7 * np.sqrt(0.5)  # so that the spring's direction changes by 1e-7 a metre
     numbers = (k, 0.0, None, pull * np.sqrt(2.0))
     spring = SpringDamper("Spring", GROUND.name, "Block", (far, 0.0, far), zero, *numbers)
-    loads = [spring, Friction("Rub", "Contact", "slide", mu, 1.0, w)]
+    loads = [spring, friction("Rub", "Contact", "slide", mu, 1.0, w)]
     model = build_model(bodies, joints, loads, gravity=(0.0, 0.0, g), motions=[motion])
     point = at_start(model)
     linear = linearize(point, ["Block.Fx", "Block.Fz"], ["Contact.Fz", "Block.x"])

@@ -6,9 +6,9 @@ import pytest
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Joint
-from msahl.model.loads import Friction, JointSpring
+from msahl.model.loads import JointSpring
 from tests.schemes.collocation.test_step_control import adaptive
-from tests.support.models import GROUND, body, build_model, deck, pendulum, simulate
+from tests.support.models import GROUND, body, build_model, deck, friction, pendulum, simulate
 
 TOLERANCES = [1e-3, 1e-6, 1e-9]
 RAIL = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO)
@@ -73,7 +73,7 @@ def test_friction_stops_where_it_should():
     v^2/(2 mu g), less what the last creeping takes."""
     slide = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO,
                   parent_axes=AXES, child_axes=AXES)  # fmt: skip
-    rub = Friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-4)
+    rub = friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-4)
     model = build_model([body(velocity=(1.0, 0.0, 0.0))], [slide], [rub], gravity=(0.0, 0.0, -9.81))
     run = simulate(adaptive(model, 1e-6), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"

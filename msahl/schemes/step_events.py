@@ -1,0 +1,332 @@
+"""Looks for events within a step: a margin that leaves its range, also if it has come back.
+
+After a step the margins (``events.margins``) are known at its ends. They are evaluated once more in
+its middle, on the motion interpolated from positions and velocities at the ends. Where one of them
+is outside its range, or nearer to a level than the three values deviate from a line, the dense
+output of the step is examined: at ``SAMPLES`` equal intervals, and between three neighbours where
+the parabola through them comes near a level, at its largest value by golden sections. So a margin
+that touches a level and comes back is seen. The first time outside is found by bisection there.
+
+The dense output of schemes of order 2 is the cubic motion itself: a parabola in free flight, which
+is exact. What is found is where to begin: the time of an event is that at which steps that are
+taken up to it have the margin at the level, for which ``events.search`` takes them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.events import margins
+from msahl.events.margins import END, SPLIT, Margins
+from msahl.jit.kernel import apart, kernel, optional, unit
+from msahl.schemes.collocation import dense_output
+from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
+from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.workspace import Workspace
+from msahl.system import evaluate
+from msahl.system.arrays import State
+from msahl.system.state import copy_state
+
+SAMPLES = 8
+"""Intervals of a step in which margins are examined. One that leaves its range and comes back twice
+within two of them may be taken for one that does so once."""
+GOLDEN, SECTIONS = 0.5 * (math.sqrt(5.0) - 1.0), 20
+"""Factor and number of golden sections: to 2e-5 of a step."""
+BISECTIONS = 40
+SLOPE = 1e-4
+"""Fraction of a step over which the rate of a margin is taken."""
+SOON = 1e-9
+"""Smallest part of a step at whose end an event is sought."""
+ARMED, KNOWN, GUESS, AFTER, LEVEL, RATE, LAST_TIME, LAST_VALUE = range(8)
+"""Places in ``Detector.figures``: time of the first step in which events may end the run; time for
+which values at the start of a step are known [s]; of the event that was found the time by the dense
+output and a time after it [s], the level and the margin's rate; the end [s] of the last step taken
+up to it, and what the margin was beyond the level there."""
+
+
+class Detector(NamedTuple):
+    """What is examined in the steps of one subsystem, and the event found last."""
+
+    margins: Margins
+    divides: bool  # whether events divide steps
+    figures: np.ndarray  # (8,) see above
+    event: np.ndarray  # (1,) the margin that has an event in the last step, or -1
+    ends: np.ndarray  # (3, m) margins at the ends of steps: two, or three of a pair
+    value: np.ndarray  # (SAMPLES + 1, m) within a step
+    probe: np.ndarray  # (m,)
+    low: np.ndarray  # (m,) levels between which a margin may be in the step
+    high: np.ndarray  # (m,)
+    slack: np.ndarray  # (m,) by which it may be beyond
+    before: State  # at the start of the step
+    begin: StepEnd  # of a pair of steps
+    output: DenseOutput
+    instant: Instant | None  # for the dense output of schemes of higher order
+
+
+def new_detector(
+    margins: Margins, state: State, output: DenseOutput, instant: Instant | None
+) -> Detector:
+    """Return what the ``margins`` need in steps from a ``state``. Nothing ends the run yet."""
+    count = margins.kind.size
+    figures = np.zeros(8)
+    figures[ARMED], figures[KNOWN] = math.inf, math.nan
+    return Detector(
+        margins=margins,
+        divides=bool((margins.action == SPLIT).any()),
+        figures=figures,
+        event=np.full(1, -1),
+        ends=np.zeros((3, count)),
+        value=np.zeros((SAMPLES + 1, count)),
+        probe=np.zeros(count),
+        low=np.zeros(count),
+        high=np.zeros(count),
+        slack=np.zeros(count),
+        before=State(*(array.copy() for array in state)),
+        begin=new_step_end(state),
+        output=output,
+        instant=instant,
+    )
+
+
+@kernel
+def is_armed(detector: Detector, t: float) -> bool:
+    """Whether events may end the run in a step from ``t`` [s]."""
+    return t >= detector.figures[ARMED]
+
+
+@kernel
+def is_idle(detector: Detector, t: float) -> bool:
+    """Whether no event can count in a step from ``t`` [s]."""
+    return not (detector.divides or is_armed(detector, t))
+
+
+@kernel
+def begin_step(detector: Detector, workspace: Workspace) -> None:
+    """Save the start of a step."""
+    state = workspace.state
+    copy_state(state, detector.before)
+    dense_output.save_end(detector.output.begin, workspace)
+    detector.event[0] = -1
+    if detector.figures[KNOWN] != state.time[0] and not is_idle(detector, state.time[0]):
+        margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[0])
+
+
+@kernel
+def has_event(detector: Detector, workspace: Workspace) -> bool:
+    """Whether an event occurs in the step just taken. If so, the state is as before the step."""
+    if is_idle(detector, detector.output.begin.time[0]):
+        return False
+    dense_output.save_end(detector.output.end, workspace)
+    margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[1])
+    if not find_event(detector, 0):
+        for k in range(detector.low.size):
+            detector.ends[0, k] = detector.ends[1, k]
+        detector.figures[KNOWN] = workspace.state.time[0]
+        return False
+    go_back(detector, workspace)
+    return True
+
+
+@apart
+def go_back(detector: Detector, workspace: Workspace) -> None:
+    """Bring the state back to the start of the step."""
+    copy_state(detector.before, workspace.state)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    clear(workspace.mean_force)
+    clear(workspace.mean_reaction)
+    detector.figures[KNOWN] = math.nan
+
+
+@kernel
+def clear(values: np.ndarray) -> None:
+    """Set ``values`` (n, k) to zero."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] = 0.0
+
+
+@unit
+def find_event(detector: Detector, first: int) -> bool:
+    """Look for an event between ``begin`` and ``end`` of the dense output, at which the margins
+    are the rows ``first`` and ``first + 1`` of the ``ends``.
+    """
+    detector.event[0] = -1
+    output, last = detector.output, detector.value.shape[0] - 1
+    for k in range(detector.low.size):
+        detector.value[0, k], detector.value[2, k] = (
+            detector.ends[first, k],
+            detector.ends[first + 1, k],
+        )
+    dense_output.fit_ends(output)
+    sample(detector, COARSE, 0.5, detector.value[1])
+    set_ranges(detector, 3)
+    if not is_near_level(detector):
+        return False
+    level = COARSE
+    if fit(detector.instant, output) > 0.0:
+        level = output.nodes.shape[0] - 1
+    for k in range(detector.low.size):
+        detector.value[last, k] = detector.ends[first + 1, k]
+    for i in range(1, last):
+        sample(detector, level, i / last, detector.value[i])
+    set_ranges(detector, last + 1)
+    before, after = 0.0, 0.0
+    for i in range(1, last + 1):
+        if i > 1:
+            after = turning_point(detector, level, i - 1)
+            before = (i - 2) / last
+        if after == 0.0 and outside(detector, detector.value[i]) >= 0:
+            before, after = (i - 1) / last, i / last
+        if after > 0.0:
+            save_event(detector, level, before, after)
+            return True
+    return False
+
+
+@optional(0.0)
+def fit(instant: Instant, output: DenseOutput) -> float:
+    """Fit the dense output of a step of higher order; 1 if there is one."""
+    dense_output.fit(output, instant)
+    return 1.0
+
+
+@apart
+def sample(detector: Detector, level: int, tau: float, value: np.ndarray) -> None:
+    """Set ``value`` (m,) to the margins at the fraction ``tau`` of a step, by a ``level`` of the
+    dense output.
+    """
+    output, workspace = detector.output, detector.output.workspace
+    h = output.end.time[0] - output.begin.time[0]
+    dense_output.set_auxiliary(workspace.system.forces.signals, output, level, h, tau)
+    dense_output.set_basis_weights(output, level, tau)
+    dense_output.interpolate(output, h, tau)
+    margins.set_values(detector.margins, workspace.system, workspace.start, value)
+
+
+@apart
+def set_ranges(detector: Detector, count: int) -> None:
+    """Set the ranges of the margins from the first of ``count`` values that is not at a level;
+    those that do not count now have none.
+    """
+    laws, value = detector.output.workspace.system.laws, detector.value
+    armed = is_armed(detector, detector.output.begin.time[0])
+    for k in range(detector.low.size):
+        detector.low[k], detector.high[k], change = -math.inf, math.inf, 0.0
+        if detector.margins.action[k] == END and not armed:
+            continue
+        for i in range(1, count):
+            change = max(change, abs(value[i, k] - value[0, k]))
+        for i in range(count):
+            low, high, slack = margins.free_range(detector.margins, laws, k, value[i, k], change)
+            detector.low[k], detector.high[k], detector.slack[k] = low, high, slack
+            if low > -math.inf or high < math.inf:
+                break
+
+
+@kernel
+def outside(detector: Detector, value: np.ndarray) -> int:
+    """Return the first margin whose ``value`` is outside its range, -1 if none is."""
+    for k in range(value.size):
+        # Written so that a nan, at which a run cannot go on either, counts as outside.
+        within = (
+            detector.low[k] - detector.slack[k] <= value[k] <= detector.high[k] + detector.slack[k]
+        )
+        if not within and (detector.low[k] > -math.inf or detector.high[k] < math.inf):
+            return k
+    return -1
+
+
+@kernel
+def is_near_level(detector: Detector) -> bool:
+    """Whether a margin, known at three times of the step, may leave its range within it."""
+    value = detector.value
+    for i in range(1, 3):
+        if outside(detector, value[i]) >= 0:
+            return True
+    for k in range(detector.low.size):
+        bend = abs(value[0, k] - 2.0 * value[1, k] + value[2, k])
+        largest = max(value[0, k], value[1, k], value[2, k])
+        smallest = min(value[0, k], value[1, k], value[2, k])
+        high, low = detector.high[k] + detector.slack[k], detector.low[k] - detector.slack[k]
+        if largest + bend > high or smallest - bend < low:
+            return True
+    return False
+
+
+@kernel
+def turning_point(detector: Detector, level: int, i: int) -> float:
+    """Fraction of the step, between the samples ``i - 1`` and ``i + 1``, at which a margin is
+    outside its range, though it is not at ``i``; 0 if there is none.
+    """
+    value, last = detector.value, detector.value.shape[0] - 1
+    for k in range(detector.low.size):
+        bend = abs(value[i - 1, k] - 2.0 * value[i, k] + value[i + 1, k])
+        for side in (1.0, -1.0):
+            edge = detector.high[k] if side > 0.0 else detector.low[k]
+            if math.isinf(edge) or outside(detector, value[i]) >= 0:
+                continue
+            a, b, c = side * value[i - 1, k], side * value[i, k], side * value[i + 1, k]
+            bends = abs(c - a) < 2.0 * bend and 2.0 * b > a + c
+            if bends and max(a, b, c) + bend > side * edge + detector.slack[k]:
+                tau = peak(detector, level, k, side, (i - 1) / last, (i + 1) / last)
+                if tau > 0.0:
+                    return tau
+    return 0.0
+
+
+@apart
+def peak(detector: Detector, level: int, k: int, side: float, left: float, right: float) -> float:
+    """Fraction of the step between ``left`` and ``right`` at which ``side`` times margin ``k`` is
+    largest; 0 if no margin is outside its range there.
+    """
+    inner, outer = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
+    at_inner, at_outer = probe(detector, level, k, inner), probe(detector, level, k, outer)
+    for _ in range(SECTIONS):
+        if side * at_inner > side * at_outer:
+            right, outer, at_outer = outer, inner, at_inner
+            inner = right - GOLDEN * (right - left)
+            at_inner = probe(detector, level, k, inner)
+        else:
+            left, inner, at_inner = inner, outer, at_outer
+            outer = left + GOLDEN * (right - left)
+            at_outer = probe(detector, level, k, outer)
+    tau = 0.5 * (left + right)
+    probe(detector, level, k, tau)
+    return tau if outside(detector, detector.probe) >= 0 else 0.0
+
+
+@kernel
+def probe(detector: Detector, level: int, k: int, tau: float) -> float:
+    """Return margin ``k`` at the fraction ``tau`` of the step; ``Detector.probe`` receives all."""
+    sample(detector, level, tau, detector.probe)
+    return detector.probe[k]
+
+
+@apart
+def save_event(detector: Detector, level: int, before: float, after: float) -> None:
+    """Save the first event between two fractions of a step, outside the ranges at the second."""
+    figures, output, last = detector.figures, detector.output, after
+    t, h = output.begin.time[0], output.end.time[0] - output.begin.time[0]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (before + after)
+        sample(detector, level, middle, detector.probe)
+        if outside(detector, detector.probe) >= 0:
+            after = middle
+        else:
+            before = middle
+    sample(detector, level, after, detector.probe)
+    k = outside(detector, detector.probe)
+    edge = detector.high[k]
+    if detector.probe[k] < detector.low[k]:
+        edge = detector.low[k]
+    beyond = detector.probe[k] - edge
+    left, right = max(0.0, after - SLOPE), min(1.0, after + SLOPE)
+    rise = -probe(detector, level, k, left)
+    rise += probe(detector, level, k, right)
+    rate = rise / (right - left)
+    figures[AFTER] = t + h * last
+    tau = after - beyond / rate if rate != 0.0 else after
+    figures[GUESS] = t + h * min(max(tau, SOON), 1.0)
+    figures[LEVEL], figures[RATE] = edge, rate / h
+    detector.event[0] = k
