@@ -219,3 +219,15 @@ def test_few_elements_have_a_large_error_in_space():
     # The tip's own error is 3.8e-8 m.
     assert "error in space: 4.0e-08 m, by an equilibrium with twice the elements" in enough.output
     assert "WARN" not in enough.output
+
+
+def test_energy_of_a_group_contains_that_of_springs(start, tmp_path):
+    group = "<groups><group><name>All</name></group></groups>\n<loads>"
+    start.write_text(START.replace("<loads>", group))
+    result = call("equilibrium", start, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    row = np.genfromtxt(tmp_path / "out/system.csv", delimiter=",", names=True)
+    a = angle_at_rest(2.0)
+    energy = -2.0 * 9.81 * 0.5 * np.cos(a) + 5.0 * (np.pi / 6 - a) ** 2
+    # The search ends at residuals of machine epsilons of the weight.
+    assert float(row["Allpotential"]) == pytest.approx(energy, rel=1e-12)

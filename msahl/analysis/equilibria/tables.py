@@ -42,6 +42,7 @@ from msahl.run.tables import (
     RESULTANTS,
     SIGNALS,
     STATES,
+    WORK,
     tables_of_model,
 )
 from msahl.system.arrays import SystemWorkspace, Tables, new_tables
@@ -101,7 +102,9 @@ def _rows(point: Point) -> dict[str, np.ndarray]:
         LOADS: np.concatenate([time, *_loads(point, start, written.signals[0])]),
         ACCELERATIONS: np.zeros(len(acceleration_columns(point.model))),
     }
-    observed = ObservedTables(point.model).rows({name: row[None] for name, row in rows.items()})
+    # The energy of a group contains that of the springs.
+    given = rows | {WORK: np.concatenate([time, written.work[0]])}
+    observed = ObservedTables(point.model).rows({name: row[None] for name, row in given.items()})
     return rows | {name: table[0] for name, table in observed.items()}
 
 
@@ -114,6 +117,9 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
         system.shown, system.scalar, state.reaction, state.force, 0.0, written.reactions, 0
     )
     instant.write_resultants(system.beams, state.force, written.resultants, 0)
+    forces.elastic_energy(system.forces, start.forces, system.scalar)
+    forces.publish_energy(system.forces, start.forces, state.work.size, written.work, 0)
+    instant.publish_energy(system.beams, start.beams, written.work, 0)
     system_forces = system.forces
     forces.publish_signals(
         system_forces.signals,
