@@ -2,9 +2,9 @@
 
 Usage: python tools/laws.py
 
-Laws of forces and joints come from their registries, all others are the modules of ``elements/`` and
-``ports/`` with the first line of their docstrings. Two kernels state the same formula if their
-instructions are the same but for names.
+Laws of forces and joints come from their registries, all others are the modules of ``elements/``
+and ``ports/`` with the first line of their docstrings. Two functions state the same formula if
+their instructions are the same but for local names.
 """
 
 import ast
