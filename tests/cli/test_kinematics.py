@@ -35,7 +35,7 @@ def test_a_folder_that_msahl_post_reads(tmp_path):
     report = CliRunner().invoke(post, ["report", str(folder)])
     assert report.exit_code == 0, report.output
     text = (folder / "report/report.md").read_text()
-    assert "The motion by msahl kinematics is complete: 11 output times" in text
+    assert "msahl kinematics, 11 output times to 0.2 s" in text
     assert "discretisation error" not in text
     verdict = CliRunner().invoke(post, ["verdict", str(folder)])
     assert "PASS" in verdict.output

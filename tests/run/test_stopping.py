@@ -94,7 +94,7 @@ def test_every_part_of_a_step_counts_as_work(monkeypatch, solver, degree):
 
         monkeypatch.setattr(method, "take_step_by_scipy", take_by_root)
     with pytest.raises(outcome.Stopped):
-        stepper._solve_hard_step(0.15)
+        stepper._subdivide(0.15, 1.0)
     most = 300_000 // outcome.EVALUATION + 1
     assert len(asked) == 3
     assert max(np.diff([0, *asked])) <= most

@@ -452,8 +452,8 @@ def test_a_deck_asks_for_its_accuracy(tmp_path):
 def test_the_report_gives_the_verdict(runs):
     assert call(post, "report", runs / WARN).exit_code == 0
     text = (runs / WARN / "report" / "report.md").read_text()
-    assert "Verdict: WARN." in text
-    assert "**initialVelocities, WARN**" in text
+    assert "**WARN**: Use the results with" in text
+    assert "| Initial velocities | WARN |" in text
 
 
 def test_the_limit_to_fail_is_well_above_the_limit_to_warn():
