@@ -317,7 +317,7 @@ def on_a_joint(law):
 def sample_parameters(law, coordinate=""):
     """Numbers of a law, different ones between its bounds."""
     values = (
-        (field, 1.0 if field.quantity_along(coordinate) is None else 0.4 + 0.1 * k)
+        (field, 1.0 if field.quantity_along(coordinate) is None else 0.6 + 0.1 * k)
         for k, field in enumerate(law.fields)
     )
     bounds = ((field, max(field.least, field.above), value) for field, value in values)
