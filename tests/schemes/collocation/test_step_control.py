@@ -178,7 +178,7 @@ def test_works_of_a_body_at_rest_cost_no_steps(damping, preload, tolerance):
 
 
 def test_a_run_without_any_step_is_concluded():
-    """Where no pair is good, the turns between rows are those of the step to begin with."""
+    """Where no pair is good, the first size tried is the longest step."""
     setup = SimpleNamespace(output=SimpleNamespace(grid=SimpleNamespace(h=0.01)))
     none = SimpleNamespace(step_control={"stepMax": 0.0})
     assert longest_step(setup, none) == 0.01
