@@ -32,7 +32,8 @@ Curves = tuple[tuple[str, np.ndarray], ...]
 @dataclass(frozen=True, slots=True)
 class Choice:
     """What to draw: a ``plane`` (two of x, y, z; empty: the one with the widest paths), and the
-    names of ``bodies`` and ``joints`` (empty: all)."""
+    names of ``bodies`` (empty: all; of a beam its node that moves farthest) and ``joints`` (empty:
+    all)."""
 
     plane: str = ""
     bodies: tuple[str, ...] = ()
@@ -42,7 +43,20 @@ class Choice:
 def chosen_bodies(run: Run, choice: Choice) -> list[str]:
     """Return the names of the bodies to draw. Raises ``ResultError`` if one is not in the model."""
     names = tuple(body.name for body in run.model.bodies)
-    return [names[i] for i in _pick("body", names, choice.bodies)]
+    inner = set() if choice.bodies else _inner_nodes(run)
+    picked = _pick("body", names, choice.bodies)
+    return [names[i] for i in picked if names[i] not in inner]
+
+
+def _inner_nodes(run: Run) -> set[str]:
+    """Return the nodes of beams but that of each which moves farthest: a deck defines none."""
+    inner: set[str] = set()
+    for beam in run.model.beams:
+        columns = [f"{node}.{axis}" for node in beam.nodes for axis in AXES]
+        spans = np.ptp(run.states[columns].to_numpy(), axis=0).reshape(-1, 3)
+        farthest = beam.nodes[int(np.argmax(np.linalg.norm(spans, axis=1)))]
+        inner |= set(beam.nodes) - {farthest}
+    return inner
 
 
 def chosen_elements(metrics: Metrics, choice: Choice) -> list[int]:
