@@ -1,7 +1,6 @@
-"""Choose the graphs of a run: what the deck defines, motion, reactions, energies, errors; one group
-of each kind.
+"""Choose the graphs of a run: what the deck defines, motion, reactions, energies and errors.
 
-A group without graphs has the reason in its note.
+There is one group of each kind. A group without graphs has the reason in its note.
 """
 
 from collections.abc import Callable, Iterator, Sequence
