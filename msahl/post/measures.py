@@ -196,14 +196,14 @@ def tables_with_columns(model: Model) -> dict[str, list[str]]:
 def components(column: str, tables: Mapping[str, list[str]]) -> list[tuple[str, int]]:
     """Return table and index of a column, or of the three components of a vector; of a point whose
     displacement is measured those of its position."""
-    whole = column.removeprefix(DISPLACEMENT)
+    moved = column.removeprefix(DISPLACEMENT)
     for name, columns in tables.items():
-        if whole in columns:
-            return [(name, columns.index(whole))]
-        if "." in whole and not whole.endswith("."):
-            parts = [whole + axis for axis in "xyz"]
-        elif whole != column:
-            parts = [f"{whole}.{axis}" for axis in "xyz"]
+        if moved in columns:
+            return [(name, columns.index(moved))]
+        if "." in moved and not moved.endswith("."):
+            parts = [moved + axis for axis in "xyz"]
+        elif moved != column:
+            parts = [f"{moved}.{axis}" for axis in "xyz"]
         else:
             continue
         if all(part in columns for part in parts):
