@@ -83,21 +83,9 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
     shapes |= {body[name]: given_here for name, given_here in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
     corner = np.concatenate(around)
-    beam_of = node_beams(model)
     return {
         "title": model.simulation.title or title,
-        "bodies": [
-            {
-                "name": record.name,
-                "pose": poses[index],
-                "centre": floats(record.r_BG),
-                "mass": record.mass,
-                "colour": _colour(shapes[index], index),
-                "shapes": shapes[index],
-                "beam": beam_of.get(record.name),
-            }
-            for index, record in enumerate(model.bodies)
-        ],
+        "bodies": _body_entries(model, poses, shapes),
         "beams": beam_entries(model, body, PALETTE),
         "ground": {"names": [g.name for g in model.grounds], "shapes": shapes[GROUND]},
         "joints": joints,
@@ -113,6 +101,25 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
         "normal": _normal(joints, poses),
         "notes": [str(error) for error in errors],
     }
+
+
+def _body_entries(
+    model: Model, poses: Sequence[list[float]], shapes: dict[int, list[Shape]]
+) -> list[Entry]:
+    """Return the bodies."""
+    beam_of = node_beams(model)
+    return [
+        {
+            "name": record.name,
+            "pose": poses[index],
+            "centre": floats(record.r_BG),
+            "mass": record.mass,
+            "colour": _colour(shapes[index], index),
+            "shapes": shapes[index],
+            "beam": beam_of.get(record.name),
+        }
+        for index, record in enumerate(model.bodies)
+    ]
 
 
 def _foot(
