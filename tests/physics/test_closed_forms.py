@@ -294,7 +294,7 @@ def test_the_last_row_has_the_slope_of_a_law_that_ends_with_the_run(kind, scheme
     # The preserving scheme has order 2: h^2 times the third derivative, 120 rad/s^3, is 0.024.
     error = 0.03 if scheme == "preserving" else 1e-9
     assert run.of("spin")[-1, 2] == pytest.approx(slope, abs=error)
-    # It turns the velocity of the start to that of the law, in a step, but not that of the end.
+    # The velocity of the start becomes that of the law in a step; that of the end is it.
     assert run.report.extremes["constraintViolationRateMax"] < 1.0
 
 
