@@ -83,6 +83,15 @@ def build_laws(laws: Sequence[Law]) -> Laws:
     )
 
 
+def joined(laws: Laws, more: Laws) -> Laws:
+    """Return ``laws`` and after them ``more``, for their values and pieces."""
+    return laws._replace(
+        kind=np.append(laws.kind, more.kind),
+        first=np.append(laws.first, more.first[1:] + laws.first[-1]),
+        numbers=np.append(laws.numbers, more.numbers),
+    )
+
+
 def _numbers(law: Law) -> tuple[int, list[float]]:
     if law.kind in ("constant", "polynomial"):
         return POLYNOMIAL, list(law.numbers)

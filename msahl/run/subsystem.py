@@ -126,6 +126,7 @@ class SubsystemIntegrator:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
+        state = state._replace(held=forces.held_switches(system.forces))
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
         name = ("workspace", self.axis, id(unknowns))
         self.workspace: Workspace = self.storage.place(name, fresh)
@@ -223,16 +224,19 @@ def _new_stepper(
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
+    t_final = simulation.t_final
     if not settings.degree:
-        return FixedStepper(MidpointMethod(workspace, instantaneous, storage), solver)
+        midpoint = MidpointMethod(workspace, instantaneous, t_final, storage)
+        return FixedStepper(midpoint, solver)
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
     if tolerance is None:
-        method = CollocationMethod(workspace, settings.family, settings.degree, storage)
+        method = CollocationMethod(workspace, settings.family, settings.degree, t_final, storage)
         return FixedStepper(method, solver)
     # The first review begins in the middle of the degrees.
-    method = CollocationMethod(workspace, settings.family, degrees[len(degrees) // 2], storage)
-    control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
+    degree = degrees[len(degrees) // 2]
+    method = CollocationMethod(workspace, settings.family, degree, t_final, storage)
+    control = ControlSettings(tolerance, simulation.dt, t_final)
     return AdaptiveStepper(method, degrees, control)

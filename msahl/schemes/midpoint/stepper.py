@@ -30,19 +30,21 @@ class MidpointMethod:
     """The ``StepMethod`` of the energy-preserving and the decaying scheme.
 
     ``instantaneous`` asks for reactions at the output times instead of means over the steps; these
-    and accelerations need the index-1 problem of every output time.
+    and accelerations need the index-1 problem of every output time. ``end`` is that of the run [s].
     """
 
     degree = 0
     memory: None = None
 
-    def __init__(self, workspace: Workspace, instantaneous: bool, storage: Storage) -> None:
+    def __init__(
+        self, workspace: Workspace, instantaneous: bool, end: float, storage: Storage
+    ) -> None:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
-        self.detection = _new_detection(workspace, storage)
+        self.detection = _new_detection(workspace, end, storage)
 
     @property
     def kind(self) -> str:
@@ -134,11 +136,9 @@ class MidpointMethod:
             trend[:] = 0.0
 
 
-def _new_detection(workspace: Workspace, storage: Storage) -> "Detection | None":
-    """What detects the events that end a run, if there can be any: steps of order 2 have the same
-    order across a breakpoint, and do not end there. The code is only loaded where it is needed.
-    """
-    margins = build_margins(workspace.system, splits=False)
+def _new_detection(workspace: Workspace, end: float, storage: Storage) -> "Detection | None":
+    """What detects events, if there can be any. The code is only loaded where it is needed."""
+    margins = build_margins(workspace.system, order=2, end=end)
     if margins is None:
         return None
     from msahl.schemes.collocation.dense_output import new_dense_output
