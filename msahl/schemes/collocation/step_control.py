@@ -197,27 +197,24 @@ def try_pair(
     dense_output.save_end(subsystem.dense_output.begin, workspace)
     begin_pair(detector, workspace)
     copy_state(workspace.state, control.start)
-    if not take_pair(subsystem, control, detector, h, row):
-        restore_start(subsystem, control)
-        newton.reset_prediction(subsystem)
-        if commit and (let_go(detector, t) > 0.0 or blame_switches(detector, t) > 0.0):
-            return False
-        figures[NEXT] = figures[BEST] = 0.25 * h
-        control.counts[REFUSED] += 1
-        return False
-    follows = seek_event(detector, control, t, h) if commit else NO_EVENT
+    solved = take_pair(subsystem, control, detector, h, row)
+    follows = seek_event(detector, control, t, h) if commit and solved else NO_EVENT
+    error, round_off = math.nan, 0.0
+    if solved and follows == NO_EVENT:
+        error, round_off = local_error(subsystem, control, order, row)
     if follows != NO_EVENT:
         restore_start(subsystem, control)
         restore_polynomials(subsystem, t, h)
         if follows == TURNS:
             turn(detector, t)
         return False
-    error, round_off = local_error(subsystem, control, order, row)
-    if commit and not math.isfinite(error):
+    if not solved or (commit and not math.isfinite(error)):
         restore_start(subsystem, control)
         newton.reset_prediction(subsystem)
-        if let_go(detector, t) > 0.0:
-            return False
+        if not (commit and gives_way(detector, t) > 0.0):
+            figures[NEXT] = figures[BEST] = 0.25 * h
+            control.counts[REFUSED] += 1
+        return False
     good = choose_next_size(subsystem, control, order, h, error, round_off)
     if good and commit:
         accept_pair(control, row, h, error)
@@ -339,15 +336,12 @@ def begin_pair(detector: Detector, workspace: Workspace) -> None:
 
 
 @optional(0.0)
-def let_go(detector: Detector, t: float) -> float:
-    """Hold no switches any more; 0 if none was held."""
-    return 1.0 if step_events.release(detector, t, True) else 0.0
-
-
-@optional(0.0)
-def blame_switches(detector: Detector, t: float) -> float:
-    """1 if a switch keeps the pair from being solved."""
-    return 1.0 if step_events.blame_switches(detector, t) else 0.0
+def gives_way(detector: Detector, t: float) -> float:
+    """1 if another pair from ``t`` may be solved: switches were held in this one and are not any
+    more, or the motion slides.
+    """
+    released = step_events.release(detector, t, True)
+    return 1.0 if released or step_events.blame_switches(detector, t) else 0.0
 
 
 @optional()
