@@ -30,7 +30,13 @@ import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
 from msahl.elements.constraints import scalar
-from msahl.events.expressions import all_laws, known_to, places_in_motion
+from msahl.events.expressions import (
+    NO_TIMES,
+    all_laws,
+    known_to,
+    places_in_motion,
+    with_fast_inputs,
+)
 from msahl.expressions.known_times import KnownTimes
 from msahl.expressions.tape import FREE, SIGN
 from msahl.jit.kernel import apart, kernel
@@ -47,7 +53,13 @@ AT_ENDS = 1e-6
 steps do not end for what happens in so small a part at their ends."""
 
 
-NO_TIMES = KnownTimes(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((1, 0)))
+class Span(NamedTuple):
+    """The time of a run: its ``end`` [s], and for the companion of one with given steps the size of
+    these, in which it resolves inputs that change fast.
+    """
+
+    end: float
+    step: float = 0.0
 
 
 class Margin(NamedTuple):
@@ -90,16 +102,18 @@ class Margins(NamedTuple):
     rate: np.ndarray  # (q,) their rates
 
 
-def build_margins(system: System, order: int, end: float) -> Margins | None:
-    """Return the margins that the elements of a ``system`` have in steps of an ``order`` until
-    ``end`` [s]; None if there is nothing to be examined.
+def build_margins(system: System, order: int, span: Span) -> Margins | None:
+    """Return the margins that the elements of a ``system`` have in steps of an ``order``; None if
+    there is nothing to be examined.
 
     Steps of order 2 keep it where a force has a kink, and do not end there.
     """
     signals = system.forces.signals
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order <= 2)]
     found += _of_breakpoints(system) if order > 2 else ()
-    known = known_to(signals, end)
+    known = known_to(signals, span.end)
+    if span.step > 0.0:
+        known = with_fast_inputs(signals, known, span.step, span.end)
     if not found and known is None:
         return None
     kinds, count = {margin.kind for margin in found}, 0

@@ -102,6 +102,7 @@ class HalfStepCompanion:
                 2 * chunk,
                 settings.instantaneous,
                 storages=integrator.storages,
+                companion_of=0.0 if settings.adaptive else integrator.model.simulation.dt,
             )
             for integrator in integrators
         ]
@@ -150,6 +151,7 @@ class HigherOrderCompanion:
                 settings.full,
                 chunk,
                 storages=integrator.storages,
+                companion_of=integrator.model.simulation.dt,
             )
             for integrator in integrators
         ]

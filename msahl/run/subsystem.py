@@ -9,6 +9,7 @@ import numpy as np
 
 from msahl.elements.rigid_body import write_accelerations
 from msahl.elements.signals.group import begin_angles
+from msahl.events.margins import Span
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
@@ -55,7 +56,8 @@ class SubsystemIntegrator:
     motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
     the steps unless ``instantaneous``; the tables have accelerations if these are wanted. ``full``
     switches off the model reductions, ``chunk`` is the largest number of steps and rows of a chunk.
-    Arrays come from the ``storages``, where these are given, and go back there by ``release``.
+    ``companion_of`` is the step [s] of a run with given steps whose companion this is. Arrays come
+    from the ``storages``, where these are given, and go back there by ``release``.
     Raises ``StartError`` if there is no consistent start.
     """
 
@@ -68,6 +70,7 @@ class SubsystemIntegrator:
         instantaneous: bool = False,
         accelerations: bool = False,
         storages: Storages | None = None,
+        companion_of: float = 0.0,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         self.storages = storages
@@ -82,7 +85,10 @@ class SubsystemIntegrator:
             evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
-        self.stepper = _new_stepper(model, self.workspace, solver, instantaneous, self.storage)
+        span = Span(model.simulation.t_final, companion_of)
+        self.stepper = _new_stepper(
+            model, self.workspace, solver, (instantaneous, span), self.storage
+        )
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
@@ -219,24 +225,24 @@ def _new_stepper(
     model: Model,
     workspace: Workspace,
     solver: str,
-    instantaneous: bool,
+    details: tuple[bool, Span],
     storage: Storage,
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
-    t_final = simulation.t_final
+    instantaneous, span = details
     if not settings.degree:
-        midpoint = MidpointMethod(workspace, instantaneous, t_final, storage)
+        midpoint = MidpointMethod(workspace, instantaneous, span, storage)
         return FixedStepper(midpoint, solver)
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
     if tolerance is None:
-        method = CollocationMethod(workspace, settings.family, settings.degree, t_final, storage)
+        method = CollocationMethod(workspace, settings.family, settings.degree, span, storage)
         return FixedStepper(method, solver)
     # The first review begins in the middle of the degrees.
     degree = degrees[len(degrees) // 2]
-    method = CollocationMethod(workspace, settings.family, degree, t_final, storage)
-    control = ControlSettings(tolerance, simulation.dt, t_final)
+    method = CollocationMethod(workspace, settings.family, degree, span, storage)
+    control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
     return AdaptiveStepper(method, degrees, control)

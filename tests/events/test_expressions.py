@@ -163,3 +163,13 @@ def test_roots_beyond_a_level_do_no_harm():
     runs = [simulate(one, **given) for one in (model, smooth)]
     assert runs[0].report.status == "completed"
     assert abs(runs[0].states[-1, 3] - runs[1].states[-1, 3]) < 1e-9
+
+
+def test_inputs_that_are_faster_than_the_steps_are_in_the_estimated_error():
+    """400 Hz at steps of 10 ms: both runs would meet the same phase in each step."""
+    omega = 800.0 * math.pi
+    model = rail(f"800*sin({omega}*t)", 0.0)
+    run = simulate(model, dt=0.01, t_final=0.1, scheme="preserving", solver="newton")
+    true = abs(run.states[-1, 3] - 400.0 / omega * 0.1)
+    assert true > 1e-2
+    assert 0.3 < run.report.error["position"] / true < 10.0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import build_margins
+from msahl.events.margins import Span, build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
@@ -43,19 +43,17 @@ WORTH = 0.9
 
 
 class CollocationMethod:
-    """The ``StepMethod`` of a collocation ``scheme`` with polynomials of a ``degree``; ``end`` is
-    that of the run [s].
-    """
+    """The ``StepMethod`` of a collocation ``scheme`` with polynomials of a ``degree``."""
 
     def __init__(
         self,
         workspace: Workspace,
         scheme: str,
         degree: int,
-        end: float,
+        span: Span,
         storage: Storage | None = None,
     ) -> None:
-        self.workspace, self.scheme, self.end = workspace, scheme, end
+        self.workspace, self.scheme, self.span = workspace, scheme, span
         self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -119,7 +117,7 @@ class CollocationMethod:
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
         order = COLLOCATION[self.scheme].order(degree)
-        margins = build_margins(self.workspace.system, order, self.end)
+        margins = build_margins(self.workspace.system, order, self.span)
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
