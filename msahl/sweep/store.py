@@ -290,8 +290,6 @@ def read_info(folder: Path) -> dict[str, Any]:
 
 def claim(folder: Path, deck: str) -> None:
     """Check that a sweep of ``deck`` may be written to ``folder``; raises ``StoreError``."""
-    if folder.exists() and not folder.is_dir():
-        raise StoreError(f"{shown_path(folder)}: is no folder; choose one with -o")
     held = read_info(folder)
     if not held:
         if not folder.is_dir() or any(folder.glob(JOURNALS)):

@@ -300,7 +300,7 @@ def test_other_folders_are_refused(tmp_path):
     other.write_text("<data/>")
     with pytest.raises(StoreError, match="holds a sweep of another deck"):
         claim(tmp_path / "s", str(other))
-    with pytest.raises(StoreError, match="is no folder"):
+    with pytest.raises(FileExistsError):
         carry_out(sweep(other, "L=60 cm"), FakeScheduler())
 
 
