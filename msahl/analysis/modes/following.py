@@ -36,6 +36,9 @@ EQUAL = 1e-6
 """Distance of eigenvalues, relative to their size, that are one: their shapes are arbitrary."""
 MOST_BISECTIONS = 6
 """Of the interval between two values."""
+PART = 0.47
+"""Of an interval at which it is divided to look for critical values: these are often in the middle,
+where nothing can be seen of them."""
 
 
 class Spectrum(NamedTuple):
@@ -45,6 +48,7 @@ class Spectrum(NamedTuple):
     modes: Modes
     vector: np.ndarray  # (m, n) complex
     whirl: np.ndarray  # (m,) 1 forward, -1 backward, 0 neither
+    is_complete: bool  # whether all modes are there
 
 
 Sampler = Callable[[float, Modes | None], Spectrum]
@@ -68,10 +72,11 @@ def sampler(point_of: Callable[[float], Point], wanted: Request) -> Sampler:
     def sample(value: float, nearby: Modes | None = None) -> Spectrum:
         point = point_of(value)
         # All modes of small models are followed, those of beams too.
-        all_modes = wanted.method == AUTO and not is_large(point)
-        request = wanted._replace(method=DENSE) if all_modes else wanted
+        small = wanted.method == AUTO and not is_large(point)
+        request = wanted._replace(method=DENSE) if small else wanted
         found = modes(point, *request, nearby=nearby)
-        return Spectrum(value, found, _vectors(point, found), _whirl(point, found))
+        whirl = _whirl(point, found)
+        return Spectrum(value, found, _vectors(point, found), whirl, small and not wanted.number)
 
     return sample
 
@@ -148,6 +153,20 @@ def follow(sample: Sampler, spectra: Sequence[Spectrum]) -> Followed:
     return found
 
 
+def halved(found: Followed, k: int, sample: Sampler) -> Followed | None:
+    """Return the modes followed from the spectrum ``k`` to ``k`` + 1 by way of one between, with
+    the numbers of the first; None if there is none between.
+    """
+    first, last = found.spectra[k : k + 2]
+    between = _between(sample, first, last, PART)
+    if between is None:
+        return None
+    result = Followed([first], [found.mode[k]], found.modes)
+    for following in (between, last):
+        _advance(result, sample, following, 0, [0])
+    return result
+
+
 def _advance(
     found: Followed, sample: Sampler, following: Spectrum, bisections: int, left: list[int]
 ) -> None:
@@ -173,13 +192,15 @@ def _advance(
     found.mode.append(number)
 
 
-def _between(sample: Sampler, last: Spectrum, following: Spectrum) -> Spectrum | None:
-    """The spectrum at the middle, None if there is none."""
+def _between(
+    sample: Sampler, last: Spectrum, following: Spectrum, part: float = 0.5
+) -> Spectrum | None:
+    """The spectrum at a ``part`` of the way, None if there is none."""
     from msahl.deck import DeckError
     from msahl.start.velocities import StartError
 
     try:
-        return sample(0.5 * (last.value + following.value), None)
+        return sample(last.value + part * (following.value - last.value), None)
     except (DeckError, StartError):
         return None
 
