@@ -47,7 +47,7 @@ MIRRORED = 1e-6
 APART = 1e-4
 """Distance from a critical value, over that of the values beside it, at which its slope and the
 number of modes that grow are taken."""
-MOST_HALVINGS, FEW_HALVINGS = 34, 6
+MOST_DIVISIONS, FEW_DIVISIONS = 34, 6
 """Of an interval: critical values nearer to each other than 1e-9 of it are one."""
 FAULTS = (DeckError, StartError, np.linalg.LinAlgError)
 """At a value that has no modes."""
@@ -76,9 +76,9 @@ def stability_changes(followed: Followed, sample: Sampler) -> list[Critical]:
     """Return the critical values at which modes begin or cease to grow."""
     chosen = _without_critical(followed)
     # Of some modes only, others may take the place of those that grow.
-    halvings = MOST_HALVINGS if all(s.is_complete for s in chosen.spectra) else FEW_HALVINGS
+    divisions = MOST_DIVISIONS if all(s.is_complete for s in chosen.spectra) else FEW_DIVISIONS
     intervals = range(len(chosen.spectra) - 1)
-    return [found for k in intervals for found in _changes(chosen, k, sample, halvings)]
+    return [found for k in intervals for found in _changes(chosen, k, sample, divisions)]
 
 
 def _without_critical(followed: Followed) -> Followed:
@@ -103,8 +103,8 @@ def _is_critical(followed: Followed, k: int) -> bool:
     return any(_sign_at(followed, k - 1, m) * _sign_at(followed, k + 1, m) < 0.0 for m in modes)
 
 
-def _changes(followed: Followed, k: int, sample: Sampler, halvings: int) -> list[Critical]:
-    """Likewise, with at most so many ``halvings`` of the interval."""
+def _changes(followed: Followed, k: int, sample: Sampler, divisions: int) -> list[Critical]:
+    """Likewise, with at most so many ``divisions`` of the interval."""
     a, b = followed.spectra[k], followed.spectra[k + 1]
     wanted = _growing(b) - _growing(a)
     try:
@@ -113,12 +113,12 @@ def _changes(followed: Followed, k: int, sample: Sampler, halvings: int) -> list
             return found
     except _LostError:
         found = []
-    between = halved(followed, k, sample) if halvings else None
+    between = halved(followed, k, sample) if divisions else None
     if between is None:
         return found or (_unresolved(followed, k, wanted) if b.is_complete else [])
     found = []
     for part in (0, 1):
-        for c in _changes(between, part, sample, halvings - 1):
+        for c in _changes(between, part, sample, divisions - 1):
             found.append(c._replace(mode=_known_number(between, followed, k, c.mode)))
     return found
 

@@ -195,7 +195,7 @@ def _advance(
 def _between(
     sample: Sampler, last: Spectrum, following: Spectrum, part: float = 0.5
 ) -> Spectrum | None:
-    """The spectrum at a ``part`` of the way, None if there is none."""
+    """The spectrum a ``part`` of the interval further, None if there is none."""
     from msahl.deck import DeckError
     from msahl.start.velocities import StartError
 
