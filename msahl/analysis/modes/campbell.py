@@ -17,6 +17,10 @@ CRITICAL_COLUMNS = ("value", "error", "order", "mode", "real", "imaginary", "fre
 """Of critical.csv: order 0 where a mode begins or ceases to grow."""
 
 
+STILL = 1e-9
+"""Change of an angular velocity, over that of a speed, that is round-off."""
+
+
 class Campbell(NamedTuple):
     """Modes over a parameter."""
 
@@ -25,6 +29,7 @@ class Campbell(NamedTuple):
     critical: list[Critical]
     failures: list[tuple[float, str]]  # values without modes, and why
     point: Point | None  # at the first value
+    still: bool = False  # whether no body rotates with a speed that was to be compared with
 
 
 def campbell(
@@ -58,10 +63,22 @@ def campbell(
     critical = stability_changes(followed, sample)
     # In rotating axes a frequency is not that of inertial ones.
     rotating = any(s.modes.equilibrium.axes.any() for s in followed.spectra)
-    for order in () if rotating else orders:
+    still = bool(orders) and _is_still(followed, speed)
+    for order in () if rotating or still else orders:
         critical += crossings(followed, sample, order, speed)
     critical.sort(key=lambda c: (c.value, c.order, c.mode))
-    return Campbell(given, followed, critical, failures, kept[0] if kept else None)
+    return Campbell(given, followed, critical, failures, kept[0] if kept else None, still)
+
+
+def _is_still(followed: Followed, speed: float) -> bool:
+    """Return whether no body rotates faster or slower at other values of a ``speed``."""
+    spectra = followed.spectra
+    if len(spectra) < 2:
+        return False
+    spins = np.array([s.spins for s in spectra])
+    change = np.abs(spins - spins[0]).max(axis=(1, 2), initial=0.0)
+    values = np.array([s.value for s in spectra])
+    return not bool((change > STILL * speed * np.abs(values - values[0])).any())
 
 
 def campbell_rows(found: Campbell) -> np.ndarray:

@@ -100,6 +100,11 @@ def _critical(group: list[Critical], over: Over) -> str:
 def warnings(found: Campbell, over: Over) -> list[str]:
     """Return what was not computed, and where the modes are not those of an equilibrium."""
     lines = [f"{_at(over, value)}: {why}" for value, why in found.failures]
+    if found.still:
+        lines.append(
+            f"no body rotates faster or slower with {over.name}, so no frequency is compared with "
+            "it; give a joint this rate, or a motor this speed"
+        )
     spectra = found.followed.spectra
     by_text: dict[str, list[float]] = {}
     for spectrum in spectra:

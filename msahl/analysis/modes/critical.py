@@ -1,7 +1,6 @@
-"""Critical values of a parameter p: where modes begin or cease to grow, where frequencies equal
-speeds.
+"""Critical values of a parameter: where modes begin or cease to grow, or frequencies are speeds.
 
-They are roots of functions that are smooth where they are sought:
+With the parameter p, they are roots of functions that are smooth where they are sought:
 
     damped modes       Re lambda(p) = 0
     undamped ones      Re mean_i (lambda_i(p) - c(p))^2 = 0     c the mean of 2 m eigenvalues: two

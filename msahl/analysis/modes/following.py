@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.analysis.linearised.point import Point
+from msahl.analysis.linearised.steady import spins_of
 from msahl.analysis.modes.solution import AUTO, DENSE, Modes, is_large, modes
 
 BY_SHAPE = 0.5
@@ -48,6 +49,7 @@ class Spectrum(NamedTuple):
     modes: Modes
     vector: np.ndarray  # (m, n) complex
     whirl: np.ndarray  # (m,) 1 forward, -1 backward, 0 neither
+    spins: np.ndarray  # (b, 3) angular velocities of the bodies, inertial axes [rad/s]
     is_complete: bool  # whether all modes are there
 
 
@@ -75,8 +77,11 @@ def sampler(point_of: Callable[[float], Point], wanted: Request) -> Sampler:
         small = wanted.method == AUTO and not is_large(point)
         request = wanted._replace(method=DENSE) if small else wanted
         found = modes(point, *request, nearby=nearby)
-        whirl = _whirl(point, found)
-        return Spectrum(value, found, _vectors(point, found), whirl, small and not wanted.number)
+        spins = spins_of(point)
+        whirl = _whirl(point, found, spins)
+        return Spectrum(
+            value, found, _vectors(point, found), whirl, spins, small and not wanted.number
+        )
 
     return sample
 
@@ -95,13 +100,8 @@ def _vectors(point: Point, found: Modes) -> np.ndarray:
     return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0)
 
 
-def _whirl(point: Point, found: Modes) -> np.ndarray:
+def _whirl(point: Point, found: Modes, spins: np.ndarray) -> np.ndarray:
     """(m,) whether points go round with the body that spins fastest, or against it."""
-    from msahl.algebra.rotation import matrix
-    from msahl.algebra.vector import at
-
-    state = point.state
-    spins = np.array([np.array(matrix(at(state.p, b))) @ w for b, w in enumerate(state.w[:-1])])
     fastest = spins[np.argmax(np.linalg.norm(spins, axis=1))]
     lengths = point.system.frames.length[point.system.bodies.frame]
     areas = np.zeros((found.value.size, 3))
