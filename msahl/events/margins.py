@@ -19,7 +19,7 @@ leave to either side: so a step can begin at an event. With ``near`` 0 it never 
 switch that is held has its range on the side where it is held.
 
 What changes at times that are known before the motion is (``expressions.known_times``) has no
-margin: steps end there, and switches are held at what they are between.
+margin: steps end there, and each switch holds its value between them.
 """
 
 import math
@@ -74,7 +74,7 @@ class Margin(NamedTuple):
     level: float = 0.0
     near: float = 0.0
     switch: int = -1  # of an expression
-    whole: bool = False  # whether the levels of the switch are all integers
+    integers: bool = False  # whether the levels of the switch are all integers
     least: float = 0.0  # what the switch is below its level; above it is 1
     jumps: bool = False  # whether an expression may jump there
 
@@ -91,11 +91,11 @@ class Margins(NamedTuple):
     level: np.ndarray  # (m,)
     near: np.ndarray  # (m,)
     switch: np.ndarray  # (m,) or -1
-    whole: np.ndarray  # (m,)
+    integers: np.ndarray  # (m,)
     least: np.ndarray  # (m,)
     jumps: np.ndarray  # (m,)
     laws: Laws  # those of the system, and tables of expressions
-    held: np.ndarray  # (s,) of the tape: values that its switches are held at
+    held: np.ndarray  # (s,) of the tape: held values of its switches
     known: KnownTimes
     has_expressions: bool
     coordinate: np.ndarray  # (q,) all coordinates, if margins depend on them
@@ -148,7 +148,7 @@ def _of_expressions(system: System, jumps_only: bool) -> Iterator[Margin]:
             signed = tape.op[tape.switches.free[k] - tape.constant.size - tape.inputs] == SIGN
             margin = margin._replace(
                 switch=k,
-                whole=bool(tape.switches.whole[k]),
+                integers=bool(tape.switches.integers[k]),
                 least=-1.0 if signed else 0.0,
                 jumps=bool(tape.switches.jumps[k]),
             )
@@ -232,7 +232,7 @@ def hold_known(margins: Margins, t: float, near: float) -> bool:
 @kernel
 def side_of(margins: Margins, k: int, y: float) -> float:
     """Return what the switch of margin ``k`` is at ``y``; free at a level."""
-    if margins.whole[k]:
+    if margins.integers[k]:
         side = float(np.floor(y))
         return FREE if side == y else side
     if y == 0.0:
@@ -244,7 +244,7 @@ def side_of(margins: Margins, k: int, y: float) -> float:
 def other_side(margins: Margins, k: int, level: float) -> float:
     """Return what the switch of margin ``k`` is beyond a ``level``."""
     held = margins.held[margins.switch[k]]
-    if margins.whole[k]:
+    if margins.integers[k]:
         return held + 1.0 if level > held else held - 1.0
     return margins.least[k] if held > 0.0 else 1.0
 
@@ -257,9 +257,9 @@ def is_held(margins: Margins, k: int) -> bool:
 
 @kernel
 def held_range(margins: Margins, k: int) -> tuple[float, float]:
-    """Return the levels between which a switch is what it is held at."""
+    """Return the levels between which a switch has the held value."""
     held = margins.held[margins.switch[k]]
-    if margins.whole[k]:
+    if margins.integers[k]:
         return held, held + 1.0
     return (0.0, math.inf) if held > 0.0 else (-math.inf, 0.0)
 
@@ -275,7 +275,7 @@ def levels_around(margins: Margins, k: int, y: float) -> tuple[float, float, flo
         low, high = piece_of(margins.laws, law, y - origin)
         size = high - low if high - low < math.inf else 1.0
         low, high = low + origin, high + origin
-    elif margins.whole[k]:
+    elif margins.integers[k]:
         size, low = 1.0, float(np.floor(y))
         high = low + 1.0
     elif y < -level:

@@ -97,10 +97,10 @@ def _wave(phase: float) -> Callable[[Bounds], Bounds]:
     def found(x: Bounds) -> Bounds:
         function = np.cos if phase else np.sin
         a, b = function(x[0]), function(x[1])
-        turns = [(part + phase) / (2.0 * math.pi) for part in x]
+        periods = [(part + phase) / (2.0 * math.pi) for part in x]
         low, high = np.minimum(a, b), np.maximum(a, b)
-        largest = np.floor(turns[1] - 0.25) > np.floor(turns[0] - 0.25)
-        least = np.floor(turns[1] + 0.25) > np.floor(turns[0] + 0.25)
+        largest = np.floor(periods[1] - 0.25) > np.floor(periods[0] - 0.25)
+        least = np.floor(periods[1] + 0.25) > np.floor(periods[0] + 0.25)
         return np.where(least, -1.0, low), np.where(largest, 1.0, high)
 
     return found
@@ -248,13 +248,13 @@ def piece_of(tape: Tape, curve: int, x: np.ndarray) -> Piece:
     first, numbers = tape.laws.first[curve], tape.laws.numbers
     count, period = int(numbers[first]), numbers[first + 1]
     breaks = numbers[first + 2 : first + 3 + count]
-    turns = np.floor((x - breaks[0]) / period) if period > 0.0 else np.zeros(x.shape)
-    i = np.searchsorted(breaks, x - period * turns, side="right") - 1
+    periods = np.floor((x - breaks[0]) / period) if period > 0.0 else np.zeros(x.shape)
+    i = np.searchsorted(breaks, x - period * periods, side="right") - 1
     if period > 0.0:
         i = np.clip(i, 0, count - 1)
     low = np.where(i < 0, -math.inf, breaks[np.maximum(i, 0)])
     high = np.where(i == count, math.inf, breaks[np.minimum(i + 1, count)])
-    return Piece(i + count * turns, low + period * turns, high + period * turns)
+    return Piece(i + count * periods, low + period * periods, high + period * periods)
 
 
 def _curve(tape: Tape, curve: int, x: Bounds) -> Bounds:

@@ -18,7 +18,7 @@ from msahl.expressions.tape import CURVE, FIRST_BINARY, HELD, SURFACE, WHERE, Ta
 
 FIRST_PARTS, BATCH = 256, 4096
 """Intervals at first, at least; and how many of these are halved together."""
-HALVINGS = 50
+BISECTIONS = 50
 """Until an interval is as short as the round-off of the time."""
 SAME = 1e-13
 """Difference of two times, as a fraction of the run, that is round-off."""
@@ -95,13 +95,13 @@ def known_times(tape: Tape, operations: list[int], time: int, end: float) -> Kno
 
 
 def _levels(tape: Tape, i: int) -> list[tuple[int, Callable[[np.ndarray], np.ndarray]]]:
-    """Return the places whose levels matter to operation ``i``, each with a function that tells
+    """Return the places whose levels matter to operation ``i``, each with a function that says
     between which levels values are.
     """
     op, number = tape.op[i], int(tape.c[i])
     if op == HELD:
-        whole = tape.switches.whole[number]
-        return [(int(tape.switches.margin[number]), np.floor if whole else np.sign)]
+        integers = tape.switches.integers[number]
+        return [(int(tape.switches.margin[number]), np.floor if integers else np.sign)]
     if op == CURVE:
         return [(int(tape.a[i]), lambda x: piece_of(tape, number, x).number)]
     if op == SURFACE:
@@ -136,7 +136,7 @@ def _halved(
     cell_of: Callable[[Bounds], Bounds], low: np.ndarray, high: np.ndarray, shortest: float
 ) -> np.ndarray:
     """Return the times in intervals at which the cell changes, to within the ``shortest`` one."""
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         least, most = cell_of((low, high))
         low, high = low[least != most], high[least != most]
         if not low.size or low.size > MOST_INTERVALS or (high - low).max() <= shortest:
@@ -152,7 +152,7 @@ def _located(cell_of: Callable[[Bounds], Bounds], low: np.ndarray, high: np.ndar
     """Return the intervals in which the cell changes from one end to the other, made short."""
     before, after = cell_of((low, low))[0], cell_of((high, high))[0]
     low, high, before = (part[before != after] for part in (low, high, before))
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         same = cell_of((middle, middle))[0] == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)

@@ -111,7 +111,7 @@ class Tape(NamedTuple):
     c: np.ndarray  # (m,) of a table its number
     laws: Laws  # tables of one variable
     surfaces: Surfaces  # tables of two
-    held: np.ndarray  # (s,) values that the switches are held at, or FREE
+    held: np.ndarray  # (s,) held values of the switches, or FREE
     switches: "Switches"
 
 
@@ -120,7 +120,7 @@ class Switches(NamedTuple):
 
     margin: np.ndarray  # (s,) place of the margin
     free: np.ndarray  # (s,) place of the switch's own value
-    whole: np.ndarray  # (s,) whether the levels of the margin are all integers
+    integers: np.ndarray  # (s,) whether the levels of the margin are all integers
     jumps: np.ndarray  # (s,) whether an expression may jump there; else it has a kink
 
 
@@ -163,7 +163,7 @@ class _Switch:
 
     margin: Part
     free: Part
-    whole: bool
+    integers: bool
     jumps: bool
 
 
@@ -248,10 +248,10 @@ class _Builder:
             return side if function == "sign" else self._does("*", given[0], side)
         if function in ("floor", "mod"):
             x = given[0] if function == "floor" else self._does("/", *given)
-            whole = self._switch(self._does("floor", x), x, jumps=True, whole=True)
+            integers = self._switch(self._does("floor", x), x, jumps=True, integers=True)
             if function == "floor":
-                return whole
-            return self._does("-", given[0], self._does("*", given[1], whole))
+                return integers
+            return self._does("-", given[0], self._does("*", given[1], integers))
         return self._does(function, *given)
 
     def _does(self, name: str, *parts: Part) -> Part:
@@ -275,11 +275,11 @@ class _Builder:
         margin = self._does("-", *((a, b) if smaller else (b, a)))
         return self._operation(WHERE, (self._switch(second, margin, jumps=False), b, a))
 
-    def _switch(self, free: Part, margin: Part, jumps: bool, whole: bool = False) -> Part:
+    def _switch(self, free: Part, margin: Part, jumps: bool, integers: bool = False) -> Part:
         """Add a switch whose own value is ``free``, unless it is there already."""
         key = (HELD, free)
         if key not in self._known:
-            self._switches.append(_Switch(margin, free, whole, jumps))
+            self._switches.append(_Switch(margin, free, integers, jumps))
             self._operations.append((HELD, free, free, len(self._switches) - 1))
             self._known[key] = ("operation", len(self._operations) - 1)
         found = self._known[key]
@@ -328,7 +328,7 @@ class _Builder:
             switches=Switches(
                 margin=self.places([switch.margin for switch in self._switches]),
                 free=self.places([switch.free for switch in self._switches]),
-                whole=np.array([switch.whole for switch in self._switches], dtype=bool),
+                integers=np.array([switch.integers for switch in self._switches], dtype=bool),
                 jumps=np.array([switch.jumps for switch in self._switches], dtype=bool),
             ),
         )

@@ -722,7 +722,7 @@ def new_stretch(forces: Forces) -> np.ndarray:
 
 
 def held_switches(forces: Forces) -> np.ndarray:
-    """Return what the switches of expressions are held at, the tape's own array."""
+    """Return the held values of switches of expressions, the tape's own array."""
     return np.zeros(0) if forces.signals is None else forces.signals.tape.held
 
 

@@ -245,7 +245,7 @@ class FixedStepper:
     ) -> tuple[Outcome, Event | None, float]:
         """Take the next part of a step ``h`` of which a fraction has ``begun``, after so many
         ``events``; return the event at its end, and the fraction that it is. Raises ``_Undivided``
-        if events are to be left out.
+        if it is to be taken without events.
         """
         detection, rest = self.method.detection, 1.0 - begun
         if detection is None:

@@ -12,7 +12,7 @@ is exact. What is found is where to begin: the time of an event is that at which
 taken up to it have the margin at the level, for which ``events.search`` takes them.
 
 A step holds the switches of expressions that may jump at what they are at its start. After a step
-up to the level of one it is held at the other side (``cross``). If the margin then leaves that side
+up to the level of one it is held on the other side (``cross``). If the margin then leaves that side
 at once, it was there for round-off only, or the motion touches the level, or it slides: on both
 sides the motion leads to the other one. A switch that has crossed back at the same time is free in
 the next step; where that goes on, the motion slides. Where an expression has no value with a held

@@ -36,16 +36,16 @@ def bounced(t):
 def in_dead_zone(t):
     """Where a body of 1 m/s is that meets a spring 0.1 m from the middle on either side."""
     quarter = 0.2 + HALF  # from the middle to the middle again
-    turn, rest = divmod(t, quarter)
+    half, rest = divmod(t, quarter)
     touching = 0.1 + math.sin(10.0 * (rest - 0.1)) / 10.0
     place = rest if rest < 0.1 else touching if rest < 0.1 + HALF else 0.2 + HALF - rest
-    return place if turn % 2 == 0 else -place
+    return place if half % 2 == 0 else -place
 
 
 def switched(t):
     """Where a body of 1 m/s is that a force of 20 N drives to the middle."""
-    turn, rest = divmod(t, 0.2)
-    return (rest - 5.0 * rest * rest) * (1.0 if turn % 2 == 0 else -1.0)
+    half, rest = divmod(t, 0.2)
+    return (rest - 5.0 * rest * rest) * (1.0 if half % 2 == 0 else -1.0)
 
 
 def piecewise(t):

@@ -74,9 +74,9 @@ SEARCHES = 12
 """Most pairs that are taken for one event: by the secant, four or five lead to round-off."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
-NO_EVENT, AGAIN, ENDS, TURNS = 0.0, 1.0, 2.0, 3.0
+NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
 """What follows from the events of a pair: nothing, to take it again up to one, that the run ends
-within it, or that a switch turns at its start."""
+within it, or that a switch crosses at its start."""
 MAX_ROTATION = 1.5
 """Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a
 revolution relative to each other, as is needed to count full revolutions of their angle."""
@@ -212,8 +212,8 @@ def try_pair(
     if follows != NO_EVENT:
         restore_start(subsystem, control)
         restore_polynomials(subsystem, t, h)
-        if follows == TURNS:
-            turn(detector, t)
+        if follows == CROSSES:
+            cross_at_start(detector, t)
         return False
     if not solved or (commit and not math.isfinite(error)):
         restore_start(subsystem, control)
@@ -354,14 +354,14 @@ def gives_way(detector: Detector, t: float) -> float:
 
 
 @optional()
-def turn(detector: Detector, t: float) -> None:
-    """Let the switch that has the event turn at the start of the pair."""
+def cross_at_start(detector: Detector, t: float) -> None:
+    """Let the switch that has the event cross at the start of the pair."""
     step_events.cross(detector, detector.event[0], t)
 
 
 @optional()
 def cross_at_end(detector: Detector, t: float) -> None:
-    """Let the switch whose level the accepted pair ended at turn to its other side."""
+    """Let the switch whose level the accepted pair ended at cross to its other side."""
     if detector.event[0] >= 0:
         step_events.cross(detector, detector.event[0], t)
 
@@ -414,7 +414,7 @@ def seek_event(detector: Detector, control: StepControl, t: float, h: float) -> 
     if ends_run(detector) > 0.0:
         return ENDS
     if seen[step_events.GUESS] <= t:
-        return TURNS
+        return CROSSES
     if not math.isfinite(seen[step_events.GUESS] + seen[step_events.RATE]):
         return NO_EVENT
     control.counts[SOUGHT] = 1
