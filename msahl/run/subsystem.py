@@ -56,10 +56,12 @@ class SubsystemIntegrator:
     motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
     the steps unless ``instantaneous``; the tables have accelerations if these are wanted. ``full``
     switches off the model reductions, ``chunk`` is the largest number of steps and rows of a chunk.
-    ``companion_of`` is the step [s] of a run with given steps whose companion this is. Arrays come
-    from the ``storages``, where these are given, and go back there by ``release``.
+    Arrays come from the ``storages``, where these are given, and go back there by ``release``.
     Raises ``StartError`` if there is no consistent start.
     """
+
+    resolves_inputs = False
+    """Whether expressions of the time that are faster than the steps divide these."""
 
     def __init__(
         self,
@@ -70,7 +72,6 @@ class SubsystemIntegrator:
         instantaneous: bool = False,
         accelerations: bool = False,
         storages: Storages | None = None,
-        companion_of: float = 0.0,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         self.storages = storages
@@ -85,7 +86,8 @@ class SubsystemIntegrator:
             evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
-        span = Span(model.simulation.t_final, companion_of)
+        simulation = model.simulation
+        span = Span(simulation.t_final, simulation.dt if self.resolves_inputs else 0.0)
         self.stepper = _new_stepper(
             model, self.workspace, solver, (instantaneous, span), self.storage
         )
@@ -203,6 +205,12 @@ class SubsystemIntegrator:
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; see ``Stepper.advance``."""
         return self.stepper.advance(chunk, patience)
+
+
+class CompanionIntegrator(SubsystemIntegrator):
+    """A subsystem of a companion of a run with given steps."""
+
+    resolves_inputs = True
 
 
 def _prepare(
