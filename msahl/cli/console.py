@@ -3,12 +3,12 @@
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
 from msahl.printable import printable, shown_path
-from msahl.terminal import echo
+from msahl.terminal import echo, say
 
 BAD_VERDICT, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 1, 2, 3, 4, 130
 STATUS = {
@@ -22,16 +22,6 @@ STATUS = {
 
 
 OTHER_FOLDER = "choose another folder with -o"
-
-
-def say(message: str) -> None:
-    """Write to stderr, if it is still read: the results of a run do not depend on that."""
-    try:
-        echo(message, err=True)
-    except OSError:
-        # What is left in the buffer would fail again when Python ends, and change the exit status.
-        with suppress(OSError), Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), sys.stderr.fileno())
 
 
 def stop(message: str, status: int = BAD_INPUT) -> NoReturn:

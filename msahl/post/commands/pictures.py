@@ -75,6 +75,7 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
         msahl-post plot results/four_bar --phase Crank.x Crank.vx
         msahl-post plot results/coarse results/fine --columns 'Bob.x'
     """
+    from msahl.jit.announced import announced
     from msahl.post.draw import save, style
     from msahl.post.run_graphs import Choice
     from msahl.post.summary import partial_note
@@ -85,7 +86,7 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
     for run in runs:
         print_note(run, partial_note(run))
     choice = Choice(given["plane"] or "", given["bodies"], given["joints"])
-    with style():
+    with style(), announced(True):
         drawn = _drawn(runs, kinds, choice, given["columns"], given["phases"])
         for path in save(drawn, forms, output or folders[0] / "plots"):
             echo(str(path))
