@@ -2,12 +2,17 @@
 
 import numpy as np
 
-from msahl.analysis.equilibria.begin import NoEquilibriumError, started
+from msahl.analysis.equilibria.begin import started
 from msahl.analysis.equilibria.equilibrium import search_start
 from msahl.analysis.equilibria.search import find
 from msahl.analysis.linearised.point import Point, at_time
 from msahl.model import Model
 from msahl.model.settings import EQUILIBRIUM
+from msahl.start.velocities import StartError
+
+
+class NoEquilibriumError(StartError):
+    """No equilibrium was found."""
 
 
 def point_at(model: Model, at: float | str) -> Point:
