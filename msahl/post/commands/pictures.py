@@ -8,7 +8,7 @@ import click
 
 from msahl.post.commands.shared import path_parameter, picture_formats, print_note, read_metrics
 from msahl.printable import printable
-from msahl.terminal import echo
+from msahl.terminal import echo, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,10 +85,12 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
     for run in runs:
         print_note(run, partial_note(run))
     choice = Choice(given["plane"] or "", given["bodies"], given["joints"])
-    with style():
+    place = output or folders[0] / "plots"
+    with style(), writing(place):
         drawn = _drawn(runs, kinds, choice, given["columns"], given["phases"])
-        for path in save(drawn, forms, output or folders[0] / "plots"):
-            echo(str(path))
+        paths = save(drawn, forms, place)
+    for path in paths:
+        echo(str(path))
 
 
 def _sort(words: Sequence[str]) -> tuple[list[Path], list[str]]:
@@ -151,5 +153,8 @@ def report(run: Path, output: Path | None) -> None:
     from msahl.post.run_report import write_report
 
     ((_, metrics),), (read,) = read_metrics((run,))
-    for path in write_report(read, metrics, output or run / "report"):
+    place = output or run / "report"
+    with writing(place):
+        paths = write_report(read, metrics, place)
+    for path in paths:
         echo(str(path))
