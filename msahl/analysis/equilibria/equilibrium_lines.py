@@ -61,8 +61,8 @@ def _places(start: Point, point: Point) -> list[str]:
     for b in bodies[:MOST_BODIES] + [b for b, body in enumerate(model.bodies) if body.name in ends]:
         row, before = states[12 * b : 12 * b + 3], first[12 * b : 12 * b + 3]
         place = ", ".join(f"{_rounded(x, size):.9g}" for x in row)
-        turned = compose(at(point.state.p, b), opposite(at(start.state.p, b)))
-        angle = _rounded(to_axis_angle(turned)[1], 1.0)
+        relative = compose(at(point.state.p, b), opposite(at(start.state.p, b)))
+        angle = _rounded(to_axis_angle(relative)[1], 1.0)
         moved = _rounded(float(np.linalg.norm(row - before)), size)
         name = model.bodies[b].name
         shown.append(

@@ -93,7 +93,7 @@ def unresisted(point: Point, spin: np.ndarray) -> str:
 
 def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
     """Return the different equilibria reached from the ``point`` by all methods, and from
-    ``starts`` - 1 other configurations: by turns those found with a joint rotated by half a
+    ``starts`` - 1 other configurations: alternately those found with a joint rotated by half a
     revolution, and others drawn at random. The one that the first leads to is first. Raises
     ``StartError`` if the joints do not let the model rotate with ``spin``.
     """

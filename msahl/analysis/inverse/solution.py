@@ -341,7 +341,7 @@ def _ways(motion: GivenMotion, measures: Measures, noise: float) -> list[Smooth]
     """Return the given values, and their rates and accelerations in metres, by each way: as used,
     without the highest derivatives, and by every second row.
     """
-    by_track = [derived(motion.time, track, noise) for track in motion.tracks]
+    by_track = [derived(motion.time, track, noise, k) for k, track in enumerate(motion.tracks)]
     number = max(len(each) for each in by_track)
     found = []
     for way in range(number):

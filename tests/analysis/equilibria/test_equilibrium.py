@@ -259,9 +259,9 @@ def test_two_rods_on_hinges_have_four_equilibria(angles):
     for name, more in zip("AB", angles, strict=True):
         angle += more
         along = np.array([math.sin(angle), 0.0, math.cos(angle)])
-        turned = from_axis_angle((0.0, 1.0, 0.0), angle)
+        rotation = from_axis_angle((0.0, 1.0, 0.0), angle)
         J = np.diag([0.1, 0.1, 0.01])
-        rods.append(body(name, 1.0, J, tuple(at + 0.5 * along), orientation=turned))
+        rods.append(body(name, 1.0, J, tuple(at + 0.5 * along), orientation=rotation))
         hinge = (parent, name, (0.0, 0.0, 0.5 if joints else 0.0), (0.0, 0.0, -0.5))
         joints.append(Joint(f"Hinge{name}", "revolute", *hinge, ABOUT_Y, ABOUT_Y))
         parent, at = name, at + along
