@@ -211,7 +211,8 @@ class Model:
     ) -> "Modes":
         """Return eigenvalues, frequencies, damping ratios and mode shapes, linearised at a time
         [s], after a run to it, or at the ``"equilibrium"``; the options are those of ``msahl
-        modes``. Raises ``StartError`` if there is no such configuration.
+        modes``. Raises ``StartError`` if there is no such configuration, ``OptionError`` if an
+        argument has no meaning.
         """
         from msahl.analysis.modes.following import Request
         from msahl.api.modes import modes_of
