@@ -14,7 +14,7 @@ from msahl.analysis.equilibria.static_equations import Statics
 from msahl.analysis.equilibria.static_newton import newton
 from msahl.analysis.linearised.point import at_start
 from msahl.deck import DeckError, read_deck
-from msahl.events.margins import build_margins
+from msahl.events.margins import Span, build_margins
 from msahl.jit import by_size
 from msahl.jit.arguments import Description, describe
 from msahl.jit.compiled import Call, prepare
@@ -84,10 +84,10 @@ def _models() -> Iterator[Model]:
 
 def kind_of(model: Model) -> Description:
     """Return what the machine code of a model depends on: the types of the arrays of its system,
-    and of its margins if it has events.
+    and of its margins if it has events in steps of low or high order.
     """
-    system = build_system(model)
-    return describe((system, build_margins(system, splits=True)))
+    system, span = build_system(model), Span(model.simulation.t_final)
+    return describe((system, *(build_margins(system, order, span) for order in (2, 4))))
 
 
 def _calls(model: Model) -> Iterator[Call]:
