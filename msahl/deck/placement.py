@@ -52,7 +52,7 @@ from msahl.model.joints import Joint
 
 CONSISTENT = 1e-9
 """Violation rate, relative to the largest speed, that counts as round-off."""
-ROUND_OFFS = 16.0
+ROUNDING = 16.0
 """Of the numbers of a prescribed motion: below as many its rate is that of round-off, which sums
 over the numbers, and over the bodies of a loop."""
 
@@ -335,7 +335,7 @@ class _Placing:
             if self.is_sound and motion.joint in by_name:
                 laws = build_laws([motion.law])
                 rate = evaluate(laws, 0, 0.0)[1]
-                self.round_off += ROUND_OFFS * rate_round_off(laws, 0, 0.0)
+                self.round_off += ROUNDING * rate_round_off(laws, 0, 0.0)
                 self._prescribe(by_name[motion.joint], f"{motion.coordinate}Rate", rate, element)
 
     def _prescribe(self, start: JointStart, column: str, rate: float, motion: Element) -> None:
