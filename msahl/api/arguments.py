@@ -29,11 +29,16 @@ class Weights:
 
 
 @dataclass(frozen=True, slots=True)
+class Mapped:
+    """Texts by name."""
+
+
+@dataclass(frozen=True, slots=True)
 class At:
     """A time from 0 s on, or the word for the equilibrium."""
 
 
-Kind = Number | Integer | Choice | Flag | Names | Numbers | Weights | At
+Kind = Number | Integer | Choice | Flag | Names | Numbers | Weights | Mapped | At
 COUNT = Integer(1, 10**9)
 NOT_NEGATIVE = Number("", least=0.0)
 
@@ -65,6 +70,11 @@ def _expected(value: Any, kind: Kind) -> str:
         case Weights():
             good = isinstance(value, Mapping) and all(map(_is_number, value.values()))
             return "" if good else "finite numbers by name"
+        case Mapped():
+            good = isinstance(value, Mapping) and all(
+                isinstance(text, str) for pair in value.items() for text in pair
+            )
+            return "" if good else "texts by name"
         case At():
             is_time = _is_number(value) and value >= 0.0
             good = value == EQUILIBRIUM if isinstance(value, str) else is_time
