@@ -4,10 +4,11 @@ import time
 from collections.abc import Sequence
 
 from msahl.api.result import Result, result_of
-from msahl.model.settings import EQUILIBRIUM
+from msahl.model.settings import EQUILIBRIUM, LOCAL, OFF
 from msahl.results.job import Job
 from msahl.run import loop
 from msahl.run.loop import Hooks
+from msahl.run.mesh_error import FinerMesh
 from msahl.run.report import INTERRUPTED
 from msahl.run.tables import MemorySink
 
@@ -20,11 +21,24 @@ def run_job(job: Job, only: Sequence[str] | None = None, hooks: Hooks | None = N
     """
     job = at_start(job)
     began, sink = time.perf_counter(), MemorySink(only)
-    report = loop.run(job.model, job.options, sink, hooks or Hooks(), checked=True)
+    report = loop.run(
+        job.model, job.options, sink, hooks or Hooks(), checked=True, finer=finer_mesh(job)
+    )
     report.seconds["total"] = time.perf_counter() - began
     if report.status == INTERRUPTED:
         raise KeyboardInterrupt(report.message)
     return result_of(job, report, sink)
+
+
+def finer_mesh(job: Job) -> FinerMesh | None:
+    """Return the model with a finer mesh of its beams, if it has any and the error of the run is
+    estimated.
+    """
+    if not job.model.beams or job.settings.error in (LOCAL, OFF):
+        return None
+    from msahl.study.more_elements import finer
+
+    return finer(job)
 
 
 def at_start(job: Job) -> Job:

@@ -201,6 +201,7 @@ class RunCommand:
         self, work: Path, since: "Checkpoint | None", stopped: Callable[[], bool]
     ) -> "Report":
         """Run into the folder ``work``; the report covers faults of the start and of the disk."""
+        from msahl.api.running import finer_mesh
         from msahl.results import session
         from msahl.results.checkpoint import Checkpoint, write_checkpoint
         from msahl.run import loop
@@ -224,7 +225,8 @@ class RunCommand:
                 accepted = gradients.record.add if gradients else None
                 sink = BothSinks(results, gradients.memory) if gradients else results
                 hooks = loop.Hooks(progress, stopped, tell, save, accepted)
-                report = loop.run(job.model, job.options, sink, hooks, snapshot, checked=True)
+                finer = finer_mesh(job)
+                report = loop.run(job.model, job.options, sink, hooks, snapshot, True, finer)
                 set_alarm(0.0)  # what ends the run now must not be interrupted
                 results.complete = report.status == COMPLETED
         except StartError as error:
