@@ -14,7 +14,6 @@ import click
 from msahl.cli.command_line import typed_command
 from msahl.cli.compiling import announced
 from msahl.cli.console import (
-    BAD_INPUT,
     BAD_VERDICT,
     NOT_CONVERGED,
     NOT_WRITTEN,
@@ -107,7 +106,7 @@ def run(
     if resume and not folder.is_dir():
         stop(f"{shown_path(folder)}: no run to resume; omit --resume to start it")
     try:
-        with writing(folder, OTHER_FOLDER, BAD_INPUT), locked(folder):
+        with writing(folder, OTHER_FOLDER), locked(folder):
             status = RunCommand(job, folder, resume, strict, quiet, verbose, gradients).carry_out()
     except (CompileError, ResumeError) as error:
         stop(printable(str(error)))

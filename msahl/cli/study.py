@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.console import BAD_INPUT, NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
+from msahl.cli.console import NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, set_option
@@ -91,7 +91,7 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
         return
     folder = output or Path("studies") / deck.stem
     try:
-        with writing(folder, SPACE, BAD_INPUT):
+        with writing(folder, SPACE):
             plan = _plan(deck, given)
             folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
             result, stopped = _carry_out(plan, deck, given, entered)

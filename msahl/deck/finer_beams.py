@@ -39,8 +39,10 @@ def _refined(text: bytes, source: Source, begin: bool, factor: int, degrees: int
     beams = {beam.name: beam for beam in Source(source.path, text).model(()).beams}
     root = etree.fromstring(text)
     _check_nodes(root, list(beams))
-    for element in root.iterfind("system/bodies/beam"):
-        beam = beams[" ".join((element.findtext("name") or "").split())]
+    for name in beams.keys() - {_name(element) for element in _beams(root)}:
+        raise RefinementError(f"beam '{name}' is given by its nodes, and not by a line")
+    for element in _beams(root):
+        beam = beams[_name(element)]
         nodes = element.findall("nodes")
         if nodes and begin:
             raise RefinementError(
@@ -51,6 +53,14 @@ def _refined(text: bytes, source: Source, begin: bool, factor: int, degrees: int
             element.remove(given)
         _set_mesh(element, beam, factor, degrees)
     return etree.tostring(root)
+
+
+def _beams(root: Any) -> list[Any]:
+    return root.findall("system/bodies/beam")
+
+
+def _name(element: Any) -> str:
+    return " ".join((element.findtext("name") or "").split())
 
 
 def _set_mesh(element: Any, beam: Beam, factor: int, degrees: int) -> None:

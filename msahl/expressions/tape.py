@@ -140,17 +140,18 @@ class _Builder:
         self, inputs: Sequence[str], named: Mapping[str, Tree], tables: Mapping[str, Table]
     ) -> None:
         self._named, self._tables = named, tables
-        self._inputs = {name: ("input", i) for i, name in enumerate(inputs)}
+        self._inputs = len(inputs)
         self._constants: list[float] = []
         self._operations: list[tuple[int, Part, Part, Part | int]] = []
         self._known: dict[object, Part] = {}
-        self._values: dict[str, Part] = {}  # of named expressions
+        # Of inputs and of the named expressions met so far.
+        self._values: dict[str, Part] = {name: ("input", i) for i, name in enumerate(inputs)}
         self._curves: dict[str, int] = {}
         self._surfaces: dict[str, int] = {}
 
     def add(self, tree: Tree) -> Part:
-        """Add the operations of a ``tree``; return where its value is. Without recursion, except
-        into named expressions.
+        """Add the operations of a ``tree``; return where its value is. Without recursion: trees and
+        chains of named expressions, may be deeper than Python's stack.
         """
         results: list[Part] = []
         waiting: list[tuple[Tree, bool]] = [(tree, False)]
@@ -158,11 +159,14 @@ class _Builder:
             node, ready = waiting.pop()
             if isinstance(node, Number):
                 results.append(self._constant(node.value))
-            elif isinstance(node, Name):
-                results.append(self._name(node.text))
+            elif isinstance(node, Name) and node.text in self._values:
+                results.append(self._values[node.text])
             elif not ready:
                 waiting.append((node, True))
-                waiting.extend((argument, False) for argument in reversed(node.arguments))
+                inside = (self._named[node.text],) if isinstance(node, Name) else node.arguments
+                waiting.extend((argument, False) for argument in reversed(inside))
+            elif isinstance(node, Name):
+                self._values[node.text] = results[-1]
             else:
                 count = len(node.arguments)
                 given = results[-count:]
@@ -170,13 +174,6 @@ class _Builder:
                 results.append(self._applied(node, given))
         (result,) = results
         return result
-
-    def _name(self, text: str) -> Part:
-        if text in self._inputs:
-            return self._inputs[text]
-        if text not in self._values:
-            self._values[text] = self.add(self._named[text])
-        return self._values[text]
 
     def _constant(self, value: float) -> Part:
         key = ("constant", value, math.copysign(1.0, value))
@@ -223,7 +220,7 @@ class _Builder:
     def places(self, parts: Sequence[Part]) -> np.ndarray:
         """(n,) places among the values."""
         inputs = len(self._constants)
-        first = {"constant": 0, "input": inputs, "operation": inputs + len(self._inputs)}
+        first = {"constant": 0, "input": inputs, "operation": inputs + self._inputs}
         return np.array([first[kind] + number for kind, number in parts], dtype=np.int64)
 
     def tape(self) -> Tape:
@@ -235,7 +232,7 @@ class _Builder:
         grids = [self._tables[name] for name in self._surfaces]
         return Tape(
             constant=np.array(self._constants, dtype=float),
-            inputs=len(self._inputs),
+            inputs=self._inputs,
             op=np.array([entry[0] for entry in self._operations], dtype=np.int64),
             a=a,
             b=b,

@@ -77,7 +77,7 @@ def _frames(elements: Elements, topology: Topology) -> Frames:
         **topology.frames,
         inverse_mass=np.array([1.0 / body.mass for body in bodies] + [0.0]),
         length=np.array([*_lengths(bodies, elements.arms), 1.0]),
-        exponential=resolve(elements.model.simulation).exponential or None,
+        exponential=resolve(elements.model.simulation).exponential,
         ballistic=np.array([*(not arms for arms in elements.arms[: len(bodies)]), True]),
         moves=np.ones((2, 3)),
     )
