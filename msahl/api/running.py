@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from msahl.api.result import Result, result_of
-from msahl.model.settings import EQUILIBRIUM, LOCAL, OFF
+from msahl.model.settings import EQUILIBRIUM
 from msahl.results.job import Job
 from msahl.run import loop
 from msahl.run.loop import Hooks
@@ -31,10 +31,8 @@ def run_job(job: Job, only: Sequence[str] | None = None, hooks: Hooks | None = N
 
 
 def finer_mesh(job: Job) -> FinerMesh | None:
-    """Return the model with a finer mesh of its beams, if it has any and the error of the run is
-    estimated.
-    """
-    if not job.model.beams or job.settings.error in (LOCAL, OFF):
+    """Return the model with a finer mesh of its beams, if it has any."""
+    if not job.model.beams:
         return None
     from msahl.study.more_elements import finer
 

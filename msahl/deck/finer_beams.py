@@ -38,9 +38,9 @@ def higher_degree(text: bytes, source: Source) -> bytes:
 def _refined(text: bytes, source: Source, begin: bool, factor: int, degrees: int) -> bytes:
     beams = {beam.name: beam for beam in Source(source.path, text).model(()).beams}
     root = etree.fromstring(text)
-    _check_nodes(root, list(beams))
     for name in beams.keys() - {_name(element) for element in _beams(root)}:
         raise RefinementError(f"beam '{name}' is given by its nodes, and not by a line")
+    _check_nodes(root, list(beams))
     for element in _beams(root):
         beam = beams[_name(element)]
         nodes = element.findall("nodes")

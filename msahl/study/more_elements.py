@@ -18,6 +18,7 @@ from msahl.deck.faults import DeckError
 from msahl.deck.finer_beams import RefinementError, higher_degree, more_elements
 from msahl.deck.source import Source
 from msahl.model import Model
+from msahl.model.settings import LOCAL, OFF
 from msahl.results.job import Job, make_job
 from msahl.run.mesh_error import FinerMesh
 from msahl.start.velocities import StartError
@@ -53,8 +54,9 @@ def by_name(model: Model, rows: np.ndarray) -> dict[Place, np.ndarray]:
 
 
 def finer(job: Job) -> FinerMesh | None:
-    """Return the model of a run with a finer mesh of its beams; None if there are none."""
-    if not job.model.beams:
+    """Return the model of a run with a finer mesh of its beams; None if there are none, or errors
+    are not estimated."""
+    if not job.model.beams or job.settings.error in (LOCAL, OFF):
         return None
     try:
         source = Source(job.source.path, higher_degree(job.given_text, job.source))

@@ -90,6 +90,8 @@ def test_what_has_no_finer_mesh_is_done_at_best():
     report, _, _ = estimated(strip(1, 1, load=0.0, more=f"<nodes>{nodes}</nodes>"))
     assert report.verdict["word"] == DONE
     assert "beam 'S' begins where <nodes> says" in report.verdict["checks"]["accuracy"]["text"]
+    records = Source.of_model(job_of(strip(1, 1)).model)
+    assert finer_mesh(job_of(records.data.decode())).none.startswith("beam 'S' is given by its")
 
 
 def test_results_in_memory_have_it_and_runs_without_estimate_do_not():
