@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import EPIPE
 from pathlib import Path
@@ -43,6 +44,32 @@ def _mute(stream: TextIO) -> None:
     change the exit status."""
     with suppress(OSError, ValueError), Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), stream.fileno())
+
+
+FIRST, LONGEST = 20.0, 600.0
+"""Seconds of a long computation until its first line and, in the end, between two lines."""
+
+
+class SparseLines:
+    """Lines on the progress of a long computation where no bar can be shown, in a file or a pipe:
+    the first after ``FIRST`` seconds, then at times that grow, so that hours have few lines."""
+
+    def __init__(
+        self, tell: Callable[[str], object] = say, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.tell, self.clock, self.began = tell, clock, clock()
+        self.due = FIRST
+        self.told = False
+
+    def show(self, part: float, words: str) -> None:
+        """Print, if a line is due, how far the computation is: the ``part`` done, in ``words``."""
+        passed = self.clock() - self.began
+        if passed < self.due:
+            return
+        self.due = passed + min(passed, LONGEST)
+        self.told = True
+        left = f", about {passed * (1.0 - part) / part:.0f} s left" if 0.0 < part <= 1.0 else ""
+        self.tell(f"  {words}{left}")
 
 
 @contextmanager

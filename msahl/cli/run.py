@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.command_line import typed_command
-from msahl.cli.compiling import announced
 from msahl.cli.console import (
     BAD_VERDICT,
     NOT_CONVERGED,
@@ -27,6 +26,7 @@ from msahl.cli.decks import job_to_run
 from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.printable import printable, shown_path
+from msahl.terminal import SparseLines
 
 if TYPE_CHECKING:
     from msahl.cli.gradients import GradientsOfRun
@@ -215,6 +215,8 @@ class RunCommand:
             results.flush()
             write_checkpoint(work, self.about, Checkpoint(results.ends(), snapshot))
 
+        from msahl.jit.announced import announced
+
         job, gradients = self.job, self.gradients
         ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
         results = session.begin(work, job.model, job.text, self.about, ends)
@@ -282,13 +284,17 @@ class RunCommand:
 
     @contextmanager
     def _progress(self) -> Iterator[Callable[[int, float], Any]]:
-        """A progress bar of steps and simulated time on a terminal, nothing elsewhere."""
-        if self.quiet or not sys.stderr.isatty():
+        """A progress bar of steps and simulated time on a terminal, a few lines elsewhere."""
+        if self.quiet:
             yield lambda steps, t: None
             return
         from msahl.run.time_grid import TimeGrid
 
         simulation = self.job.model.simulation
+        if not sys.stderr.isatty():
+            lines, end = SparseLines(), simulation.t_final
+            yield lambda steps, t: lines.show(t / end, f"{self.deck}: t = {t:.4g} of {end:g} s")
+            return
         bar: Any = click.progressbar(
             length=TimeGrid.of_steps(simulation).n,
             label=simulation.title or "running",

@@ -228,6 +228,7 @@ def _shown(
     """Functions that report finished curves and each run: a progress bar of the time on a
     terminal, elsewhere lines.
     """
+    from msahl.jit.announced import ProgressLines
     from msahl.jit.compiled import STOPWATCH, working_clock
 
     def tell(line: str) -> None:
@@ -242,6 +243,7 @@ def _shown(
     STOPWATCH.tell = compiling
     try:
         if not sys.stderr.isatty():
+            STOPWATCH.listen = ProgressLines()
             yield tell, lambda words: None
             return
         bar: Any = click.progressbar(
@@ -258,4 +260,4 @@ def _shown(
         with bar:
             yield lambda line: None, progress
     finally:
-        STOPWATCH.tell = lambda: None
+        STOPWATCH.tell, STOPWATCH.listen = (lambda: None), (lambda progress: None)

@@ -75,6 +75,7 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
         msahl-post plot results/four_bar --phase Crank.x Crank.vx
         msahl-post plot results/coarse results/fine --columns 'Bob.x'
     """
+    from msahl.jit.announced import announced
     from msahl.post.draw import save, style
     from msahl.post.run_graphs import Choice
     from msahl.post.summary import partial_note
@@ -86,7 +87,7 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
         print_note(run, partial_note(run))
     choice = Choice(given["plane"] or "", given["bodies"], given["joints"])
     place = output or folders[0] / "plots"
-    with style(), writing(place):
+    with style(), announced(True), writing(place):
         drawn = _drawn(runs, kinds, choice, given["columns"], given["phases"])
         paths = save(drawn, forms, place)
     for path in paths:

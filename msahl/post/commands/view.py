@@ -58,7 +58,10 @@ def view(
 
     patterns, first = _listed(columns), _listed(graph)
     if companion:
-        shown = show_error(run, patterns)
+        from msahl.jit.announced import announced
+
+        with announced(True):
+            shown = show_error(run, patterns)
     else:
         shown = [show_run(folder, patterns) for folder in (run, other) if folder]
     names = shown[0].columns["names"] if shown[0].columns else ()

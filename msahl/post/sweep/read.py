@@ -76,6 +76,13 @@ class Parameter:
                 return dict(zip(cells, found, strict=True))
         return dict(zip(cells, cells, strict=True))
 
+    def said(self, cell: str) -> str:
+        """Return its value in a cell in words, such as "L = 0.6 m"."""
+        name, _, unit = self.name.removesuffix("]").partition(" [")
+        value = self.short[cell]
+        is_number = self.values is not None and not value.endswith(unit)
+        return f"{name} = {value} {unit}" if is_number else f"{name} = {value}"
+
 
 @dataclass(frozen=True)
 class Measured:
