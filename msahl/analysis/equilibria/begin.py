@@ -44,10 +44,6 @@ SAME_MODEL = 10.0 * BALANCED
 NOTE = "Written by msahl: the bodies are in equilibrium, and what counts from t = 0 is explicit"
 
 
-class NoEquilibriumError(StartError):
-    """No equilibrium was found."""
-
-
 def beginning(job: Job) -> Job:
     """Return the run from the equilibrium that its deck asks for; ``job`` itself if it asks for
     none. Raises ``StartError`` if no equilibrium is found.
@@ -73,7 +69,7 @@ def _found(model: Model) -> tuple[Point, Solution]:
     start = search_start(model)
     solution = find(start, np.zeros(3))
     if solution is None:
-        raise NoEquilibriumError(
+        raise StartError(
             "no equilibrium was found from where the deck has the bodies (<simulation start="
             '"equilibrium">); place them nearer to one, or look for it with msahl equilibrium '
             "--starts"
