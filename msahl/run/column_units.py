@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from msahl.joints.coordinates import SUFFIXES, is_angle
 from msahl.model import Model
 from msahl.model.couplings import COORDINATES
+from msahl.run.tables import ERROR_OF
 
 TIME = "time"
 
@@ -87,6 +88,8 @@ ERRORS = {
 def quantity(column: str, model: Model | None = None) -> Quantity:
     """Return the quantity of a column; with the ``model`` also the unit of a load."""
     name, point, suffix = column.rpartition(".")
+    if suffix == ERROR_OF and name:
+        return Quantity(ERRORS["position"].word, quantity(name, model).unit)
     if not point:
         return Quantity("time", "s") if column == TIME else ERRORS.get(column, SIGNAL)
     if suffix == "load" and model is not None:
