@@ -7,6 +7,18 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables of the environment that limit the threads of numpy's linear algebra."""
+
+
+def use_one_thread() -> None:
+    """Have numpy, which is imported later, use one thread, unless the environment says otherwise.
+
+    Starting the threads takes longer than all that a run has to do with dense matrices.
+    """
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+
 
 def command_of(module: str) -> list[str]:
     """Return the command that runs a module of the program.

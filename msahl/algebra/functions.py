@@ -34,6 +34,9 @@ DEGREE = 5
 """Of the pieces: a smooth ramp needs five."""
 MOMENTS = 5
 """As many as the schemes of the highest degree need."""
+PAST = 1e-9
+"""Fraction of a run's duration within which a law ends with it: times of steps are sums, and a
+million of them round by 1e-10."""
 
 Moments = tuple[float, float, float, float, float]
 NONE: Moments = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -81,6 +84,16 @@ def build_laws(laws: Sequence[Law]) -> Laws:
         node=0.5 * (x + 1.0),
         weight=0.5 * weight,
     )
+
+
+def continue_past(laws: Laws, law: int, end: float) -> None:
+    """Let a table or ramp over time that ends where a run does, up to round-off, go on past the
+    ``end``: the last step is before it, and its end has the slope of the last piece.
+    """
+    if laws.kind[law] == PIECES and laws.numbers[laws.first[law] + 1] == 0.0:
+        last = laws.first[law] + 2 + int(laws.numbers[laws.first[law]])
+        if abs(laws.numbers[last] - end) <= PAST * end:
+            laws.numbers[last] = end * (1.0 + 2.0 * PAST)
 
 
 def _numbers(law: Law) -> tuple[int, list[float]]:

@@ -24,6 +24,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.model.settings import OFF
 from msahl.post.measure_gradients import Series, derivative, is_tied, rows_needed
 from msahl.post.measures import (
+    DISPLACEMENT,
     Measure,
     MeasureError,
     components,
@@ -85,6 +86,11 @@ def make_request(
             faults.append(
                 f"gradient '{measure.text}': it has no derivative here; name a column of the "
                 "tables of the motion, such as 'Tip.z final'"
+            )
+        elif measure.column.startswith(DISPLACEMENT):
+            faults.append(
+                f"gradient '{measure.text}': displacements have no derivative here; name the "
+                "column, such as 'Tip.z final'"
             )
     deck, numbers = DeckNumbers(job), {}
     for name in dict.fromkeys(wrt):

@@ -18,14 +18,13 @@ from msahl.analysis.inverse.verdict import verdict
 from msahl.api.result import Result
 from msahl.model import Model
 from msahl.results.job import Job, make_job
-from msahl.results.write import write_table
+from msahl.results.write import DRIVES, file_name, write_table
 from msahl.run.options import OptionError, recorded_options
 from msahl.run.tables import ACCELERATIONS, STATES
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DRIVES = "drives.csv"
 EVEN = 1e-9
 """Difference of steps between rows, relative to them, of rows at equal distances."""
 
@@ -68,7 +67,9 @@ class InverseResult(Result):
     def write(self, folder: str | PathLike[str]) -> Path:
         """Write the files of a run, and ``drives.csv``; return the folder."""
         written = super().write(folder)
-        write_table(written / DRIVES, drive_columns(self.solution), drive_rows(self.solution))
+        write_table(
+            written / file_name(DRIVES), drive_columns(self.solution), drive_rows(self.solution)
+        )
         return written
 
 

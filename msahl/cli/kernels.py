@@ -14,7 +14,9 @@ from msahl.analysis.equilibria.static_equations import Statics
 from msahl.analysis.equilibria.static_newton import newton
 from msahl.analysis.linearised.point import at_start
 from msahl.deck import DeckError, read_deck
+from msahl.events.margins import build_margins
 from msahl.jit import by_size
+from msahl.jit.arguments import Description, describe
 from msahl.jit.compiled import Call, prepare
 from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, EXPONENTIAL
@@ -22,6 +24,8 @@ from msahl.model.settings import INSTANTANEOUS
 from msahl.resources import example_deck, example_decks
 from msahl.run.setup import build_setup
 from msahl.start.velocities import StartError
+from msahl.system.build import build_system
+from msahl.system.subsystems import split
 
 VARIANTS: tuple[tuple[dict[str, Any], str], ...] = (
     ({}, "auto"),
@@ -65,10 +69,25 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
 
 
 def _models() -> Iterator[Model]:
-    """Yield the example decks that are installed with the package."""
+    """Yield the smallest of the example decks that are installed, one of each kind of model."""
+    read: list[Model] = []
     for path in example_decks():
         with suppress(DeckError):
-            yield read_deck(path)
+            read.append(read_deck(path))
+    known: set[Description] = set()
+    for model in sorted(read, key=lambda model: len(model.bodies)):
+        kinds = {kind_of(part) for part in (model, *split(model))}
+        if not kinds <= known:
+            known |= kinds
+            yield model
+
+
+def kind_of(model: Model) -> Description:
+    """Return what the machine code of a model depends on: the types of the arrays of its system,
+    and of its margins if it has events.
+    """
+    system = build_system(model)
+    return describe((system, build_margins(system, splits=True)))
 
 
 def _calls(model: Model) -> Iterator[Call]:

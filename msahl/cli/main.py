@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from msahl.cli.console import INTERRUPTED, open_standard_streams, say
+from msahl.subprocesses import use_one_thread
 from msahl.version import VERSION
 
 COMMANDS = (
@@ -19,6 +20,8 @@ COMMANDS = (
     "new", "run", "schema", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module ``msahl.cli`` of its name."""
+DENSE = ("linearize", "modes")
+"""Commands that solve dense eigenvalue problems, in as many threads as there are cores."""
 
 
 class Commands(click.Group):
@@ -45,6 +48,8 @@ class Commands(click.Group):
         """The command of this name, None if there is none."""
         if cmd_name not in COMMANDS:
             return None
+        if cmd_name not in DENSE:
+            use_one_thread()
         module = import_module(f"msahl.cli.{cmd_name}")
         # A command named as a function of Python's has an underscore behind its name.
         command: click.Command = getattr(module, f"{cmd_name}_", None) or getattr(module, cmd_name)

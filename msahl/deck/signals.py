@@ -89,12 +89,14 @@ def read_signal(element: Element, reader: Reader) -> AnySignal:
         record = SignalTable(name, read_table_of_numbers(element, reader))
     elif element.tag == "signal":
         unit = _unit(element, reader)
-        record = Signal(name, read_expression(element, unit and unit.dimension, reader))
+        tree = read_expression(element, unit and unit.dimension, reader)
+        record = Signal(name, tree, attribute(element, "units"))
     else:
         unit = _unit(element, reader)
         wanted = unit and unit.dimension.times(PER_SECOND)
         initial = float(attribute(element, "initial", "0"))
-        record = SignalState(name, read_expression(element, wanted, reader), initial)
+        tree = read_expression(element, wanted, reader)
+        record = SignalState(name, tree, initial, attribute(element, "units"))
     reader.add(element, signal_findings(record, reader.context))
     if name in reader.parameters:
         reader.faults.add(element, f"'{name}' is the name of a parameter; choose another")

@@ -31,7 +31,6 @@ from msahl.model import (
     RigidBody,
     Shape,
     Signal,
-    SignalState,
     SignalTable,
     Simulation,
     Stop,
@@ -195,13 +194,16 @@ def _write_beam(element: Element, beam: Beam, shape: BeamShape) -> None:
 
 
 def _write_signal(group: Element, signal: AnySignal) -> None:
+    if isinstance(signal, SignalTable):
+        _write_table(group, signal)
+        return
     if isinstance(signal, Signal):
-        child(group, "signal", text_of(signal.expression), name=signal.name)
-    elif isinstance(signal, SignalState):
+        element = child(group, "signal", text_of(signal.expression), name=signal.name)
+    else:
         element = child(group, "state", text_of(signal.rate), name=signal.name)
         element.set("initial", repr(float(signal.initial)))
-    else:
-        _write_table(group, signal)
+    if signal.unit:
+        element.set("units", signal.unit)
 
 
 def _write_table(group: Element, signal: SignalTable) -> None:

@@ -57,7 +57,7 @@ class Frames(NamedTuple):
     owner: np.ndarray  # (f,) number of the rigid body that carries it; -1 for the ground
     inverse_mass: np.ndarray  # (f,) 1/m; 0 for the ground [1/kg]
     length: np.ndarray  # (f,) l [m]
-    exponential: bool | None  # whether psi Q is h times the mean W (``rigid_body``); None: Q is
+    exponential: bool  # whether psi Q, and not Q itself, is h times the mean W (``rigid_body``)
     ballistic: np.ndarray  # (f,) whether nothing but gravity acts on it
     moves: np.ndarray  # (2, 3) 0 for components of u and v, of Q and W, that are always zero, or 1
 

@@ -134,7 +134,7 @@ def residual(
         put(F, displacement_node(frames, f), sub(displacement(frames, Z, f), forced_u))
         Q = rotation_increment(frames, Z, f)
         J = matrix_at(start.J, b)
-        psi = angle_share(Q)[0] if frames.exponential is not None else 1.0
+        psi = angle_share(Q)[0] if frames.exponential else 1.0
         forced = axpy(-h, at(motion.W_go, f), scale(psi, Q))
         L = times(J, axpy(dt2 / h, at(motion.W, f), forced))
         change = scale(psi, add(times(J, forced), rotation_change(Q, L)))
@@ -160,7 +160,7 @@ def jacobian(
         f = bodies.frame[b]
         Q = rotation_increment(frames, Z, f)
         J = matrix_at(start.J, b)
-        psi, g = angle_share(Q) if frames.exponential is not None else (1.0, 0.0)
+        psi, g = angle_share(Q) if frames.exponential else (1.0, 0.0)
         forced = axpy(-h, at(motion.W_go, f), scale(psi, Q))
         L = times(J, axpy(dt2 / h, at(motion.W, f), forced))
         K = skew(add(L, rotation_change(Q, L)))
@@ -170,10 +170,10 @@ def jacobian(
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
-            if frames.exponential is not None:
+            if frames.exponential:
                 Jj = axpy(g * Q[j], JQ, scale(psi, Jj))
             column = sub(add(Jj, rotation_change(Q, Jj)), times(K, Dj))
-            if frames.exponential is not None:
+            if frames.exponential:
                 column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]

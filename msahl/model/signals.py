@@ -16,19 +16,23 @@ TIME = "t"
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """An ``expression`` of the motion under a name, which others may use."""
+    """An ``expression`` of the motion under a name, which others may use. ``unit`` is the SI unit
+    that its deck states, empty if it states none."""
 
     name: str
     expression: Tree
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class SignalState:
-    """An auxiliary state: it begins at ``initial``, and its ``rate`` is an expression [1/s]."""
+    """An auxiliary state: it begins at ``initial``, and its ``rate`` is an expression [1/s].
+    ``unit`` is that of a ``Signal``."""
 
     name: str
     rate: Tree
     initial: float = 0.0
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)

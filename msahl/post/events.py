@@ -158,7 +158,7 @@ def _crossed(curve: PPoly, roots: np.ndarray, time: np.ndarray, smallest: float)
 
 
 def _values(run: Run, column: str) -> np.ndarray:
-    for table in (run.states, run.reactions, run.work, *run.others.values()):
+    for table in (run.states, run.reactions, run.work, *run.others.values(), run.drives):
         if table is not None and column in table.columns and column != "time":
             values = table[column].to_numpy()
             break

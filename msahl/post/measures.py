@@ -5,6 +5,8 @@
     Crank.angle final      value at the last output time; initial: at t = 0
     Tip.z at 0.5           value at t = 0.5 s, interpolated between output times
     Hinge.F absmax         of a vector, the column without its last letter, the norm is taken
+    displacement of Tip.z max   of the change of a column since t = 0; of a point, such as
+                           displacement of Tip max, of the distance from where it was
     time of Crank.angle = 1.57   first time [s] at which the column passes the value
     energyErrorMax         a figure of run.json: those of extremes, steps, iterations, ...
     verdict, error         are in every row anyway
@@ -23,6 +25,7 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.printable import printable
+from msahl.run.column_units import quantity
 from msahl.run.report import Report, camel_case
 from msahl.run.tables import ERROR, error_columns, tables_of_model
 
@@ -62,6 +65,18 @@ _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 TIME_OF = re.compile(rf"time of (?P<column>.+?)\s*=\s*(?P<number>{_NUMBER})")
 AT = re.compile(rf"(?P<column>.+?) at (?P<number>{_NUMBER})( s)?")
 STATISTIC = re.compile(rf"(?P<column>.+?) (?P<kind>{'|'.join(STATISTICS)})")
+DISPLACEMENT = "displacement of "
+"""Begins a column of which the change since t = 0 is measured."""
+LENGTHS = (POSITION_ERROR, "constraintViolationMax", "displacementMax", "distanceMax")
+UNITS = {
+    **dict.fromkeys(LENGTHS, "m"),
+    **dict.fromkeys(("energyAtStart", "largestKineticEnergy", "energyErrorMax"), "J"),
+    **dict.fromkeys((SECONDS, "time"), "s"),
+    "speedMax": "m/s",
+    "constraintWorkMax": "J",
+    "rotationPerStepMax": "rad",
+}
+"""Units of measures that need no table."""
 SAME_TIME = 1e-9
 """Largest difference of an output time from a time asked for, relative to the run's end."""
 
@@ -166,7 +181,8 @@ def evaluate_columns(
         if not places:
             reasons.append(f"{measure.text}: {_no_column(measure.column, tables)}")
         else:
-            value, reason = _of_series(measure, *series_of(places, table))
+            moved = measure.column.startswith(DISPLACEMENT)
+            value, reason = _of_series(measure, *series_of(places, table, moved))
             reasons += [f"{measure.text}: {reason}"] if reason else []
         values[measure.text] = _finite(value)
     return values, "; ".join(reasons)
@@ -178,14 +194,37 @@ def tables_with_columns(model: Model) -> dict[str, list[str]]:
 
 
 def components(column: str, tables: Mapping[str, list[str]]) -> list[tuple[str, int]]:
-    """Return table and index of a column, or of the three components of a vector."""
+    """Return table and index of a column, or of the three components of a vector; of a point whose
+    displacement is measured those of its position."""
+    moved = column.removeprefix(DISPLACEMENT)
     for name, columns in tables.items():
-        if column in columns:
-            return [(name, columns.index(column))]
-        parts = [column + axis for axis in "xyz"]
-        if "." in column and not column.endswith(".") and all(part in columns for part in parts):
+        if moved in columns:
+            return [(name, columns.index(moved))]
+        if "." in moved and not moved.endswith("."):
+            parts = [moved + axis for axis in "xyz"]
+        elif moved != column:
+            parts = [f"{moved}.{axis}" for axis in "xyz"]
+        else:
+            continue
+        if all(part in columns for part in parts):
             return [(name, columns.index(part)) for part in parts]
     return []
+
+
+def unit_of(measure: Measure, model: Model | None = None) -> str:
+    """Return the SI unit of a measure, "" if it has none or it is not known; with the ``model``
+    also that of signals and of loads."""
+    if not measure.column or measure.kind == "time of":
+        return "s" if measure.column else UNITS.get(measure.kind, "")
+    column = measure.column.removeprefix(DISPLACEMENT)
+    if "." not in column and column != measure.column and model is not None:
+        tables = tables_with_columns(model)
+        if not any(column in columns for columns in tables.values()):
+            return "m"
+    elif "." in column and quantity(column).unit == "":
+        column += "x"  # the norm of a vector, such as Hinge.F
+    unit = quantity(column, model).unit
+    return "" if unit == "SI" else unit
 
 
 def _no_column(column: str, tables: Mapping[str, list[str]]) -> str:
@@ -193,21 +232,24 @@ def _no_column(column: str, tables: Mapping[str, list[str]]) -> str:
     from msahl.expressions.syntax import nearest
 
     columns = [name for listed in tables.values() for name in listed if name != "time"]
+    column = column.removeprefix(DISPLACEMENT)
     head = column.partition(".")[0]
     same = [name for name in columns if name.startswith(f"{head}.")]
     return f"no table has a column '{printable(column)}'{nearest(column, same or columns)}"
 
 
 def series_of(
-    places: list[tuple[str, int]], table: Callable[[str], np.ndarray]
+    places: list[tuple[str, int]], table: Callable[[str], np.ndarray], moved: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and values of a column, or the norms of a vector, each (m,)."""
+    """Return times and values of a column, or the norms of a vector, each (m,); of its change since
+    the first row if ``moved``."""
     rows = table(places[0][0])
     if not len(rows):
         return np.zeros(0), np.zeros(0)
-    if len(places) == 1:
-        return rows[:, 0], rows[:, places[0][1]]
-    return rows[:, 0], np.linalg.norm(rows[:, [index for _, index in places]], axis=1)
+    values = rows[:, [index for _, index in places]]
+    if moved:
+        values = values - values[0]
+    return rows[:, 0], values[:, 0] if len(places) == 1 else np.linalg.norm(values, axis=1)
 
 
 def _of_series(measure: Measure, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:

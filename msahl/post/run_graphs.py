@@ -1,6 +1,6 @@
-"""Choose the graphs of a run: motion, joints, reactions, energies, errors; one group of each kind.
+"""Choose the graphs of a run: what the deck defines, motion, reactions, energies and errors.
 
-A group without graphs has the reason in its note.
+There is one group of each kind. A group without graphs has the reason in its note.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -9,6 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from msahl.joints.coordinates import ORIENTATION, SUFFIXES, coordinates, is_angle
+from msahl.post.defined_graphs import (
+    drive_graphs,
+    group_graphs,
+    marker_graphs,
+    signal_graphs,
+    zero_note,
+)
 from msahl.post.graph_data import Graph, Group
 from msahl.post.metrics import Metrics
 from msahl.results.read import ResultError, Run
@@ -24,7 +31,8 @@ Curves = tuple[tuple[str, np.ndarray], ...]
 @dataclass(frozen=True, slots=True)
 class Choice:
     """What to draw: a ``plane`` (two of x, y, z; empty: the one with the widest paths), and the
-    names of ``bodies`` and ``joints`` (empty: all)."""
+    names of ``bodies`` (empty: all; of a beam its node that moves farthest) and ``joints`` (empty:
+    all)."""
 
     plane: str = ""
     bodies: tuple[str, ...] = ()
@@ -34,7 +42,20 @@ class Choice:
 def chosen_bodies(run: Run, choice: Choice) -> list[str]:
     """Return the names of the bodies to draw. Raises ``ResultError`` if one is not in the model."""
     names = tuple(body.name for body in run.model.bodies)
-    return [names[i] for i in _pick("body", names, choice.bodies)]
+    inner = set() if choice.bodies else _inner_nodes(run)
+    picked = _pick("body", names, choice.bodies)
+    return [names[i] for i in picked if names[i] not in inner]
+
+
+def _inner_nodes(run: Run) -> set[str]:
+    """Return the nodes of beams but that of each which moves farthest: a deck defines none."""
+    inner: set[str] = set()
+    for beam in run.model.beams:
+        columns = [f"{node}.{axis}" for node in beam.nodes for axis in AXES]
+        spans = np.ptp(run.states[columns].to_numpy(), axis=0).reshape(-1, 3)
+        farthest = beam.nodes[int(np.argmax(np.linalg.norm(spans, axis=1)))]
+        inner |= set(beam.nodes) - {farthest}
+    return inner
 
 
 def chosen_elements(metrics: Metrics, choice: Choice) -> list[int]:
@@ -71,19 +92,24 @@ def _components(
     return graphs, zeros
 
 
-def _zero(names: Sequence[str]) -> str:
-    """Say which components are zero; empty if there are none."""
-    verb = "is" if len(names) == 1 else "are"
-    listed = ", ".join(names[:-1]) + " and " * bool(names[1:]) + "".join(names[-1:])
-    return f"{listed} {verb} zero up to rounding." if names else ""
-
-
 def _positions(run: Run, metrics: Metrics, choice: Choice) -> Group:
     names = chosen_bodies(run, choice)
     points = [run.states[[f"{name}.{axis}" for name in names]].to_numpy() for axis in AXES]
     titles = [f"{axis} [m]" for axis in AXES]
     graphs, zeros = _components(run.time, names, titles, np.stack(points, axis=2))
-    return Group("Positions of reference points", tuple(graphs), _zero(zeros))
+    return Group("Positions of reference points", tuple(graphs), zero_note(zeros))
+
+
+def _defined(
+    title: str, graphs_of: Callable[[Run], tuple[list[Graph], str]]
+) -> Callable[[Run, Metrics, Choice], Group]:
+    """Return the function that makes a group of the graphs of what a deck defines."""
+
+    def group(run: Run, metrics: Metrics, choice: Choice) -> Group:
+        found, note = graphs_of(run)
+        return Group(title, tuple(found), note)
+
+    return group
 
 
 def _joints(run: Run, metrics: Metrics, choice: Choice) -> Group:
@@ -129,7 +155,7 @@ def _reactions(run: Run, metrics: Metrics, choice: Choice) -> Group:
             graphs.append(Graph(f"load [{unit}]", run.time, curves))
     when = "at the output times" if run.instantaneous else "mean over each step"
     loads = ", and loads of motions" if np.isfinite(found.load[:, picked]).any() else ""
-    note = " ".join(filter(None, (_not_unique(metrics, picked), _zero(zeros))))
+    note = " ".join(filter(None, (_not_unique(metrics, picked), zero_note(zeros))))
     if not graphs:
         note = "the model has no joints"
     return Group(f"Reactions of joints on the child, {when}{loads}", tuple(graphs), note)
@@ -204,15 +230,20 @@ def _work(run: Run, metrics: Metrics, choice: Choice) -> Group:
 
 
 GRAPHS: dict[str, Callable[[Run, Metrics, Choice], Group]] = {
-    "positions": _positions,
+    "drives": _defined("Loads of the drives", drive_graphs),
+    "signals": _defined("Actuators and signals", signal_graphs),
+    "markers": _defined("Markers", marker_graphs),
+    "groups": _defined("Groups of bodies", group_graphs),
     "joints": _joints,
+    "positions": _positions,
     "reactions": _reactions,
     "energy": _energy,
     "error": _error,
     "constraints": _constraints,
     "work": _work,
 }
-"""The groups of graphs by their kind, which is the name of their picture."""
+"""The groups of graphs by their kind, which is the name of their picture: first what the deck
+defines."""
 
 
 def groups(

@@ -50,7 +50,10 @@ from msahl.results.read import Run
 from msahl.results.sample import sample_run
 from msahl.run.verdict import describe_reactions
 
-HISTORIES = ("positions", "joints", "reactions", "energy")
+HISTORIES = (
+    *("drives", "signals", "markers", "groups", "joints"),
+    *("positions", "reactions", "energy"),
+)
 ERRORS = ("error", "constraints", "work")
 """Kinds of graphs that are shown, and that are folded."""
 CAPTIONS = {
@@ -239,8 +242,9 @@ def _thinning_note(run: Run) -> list[Block]:
     if len(run.time) <= 2 * INTERVALS:
         return []
     text = (
-        f"Each graph shows the least and the largest value in each of {INTERVALS} intervals of the "
-        f"{len(run.time)} output times. Drag to zoom, double-click to see all."
+        f"Each graph shows values at {2 * INTERVALS} of the {len(run.time)} output times, and in "
+        "their place the least or the largest value near them where that lies outside. Drag to "
+        "zoom, double-click to see all."
     )
     return [OnPage(Part(element("p", text, class_="note")))]
 
@@ -361,7 +365,7 @@ def _degrees_of_freedom(run: Run) -> str | None:
     if not found:
         return None
     count, rank = found.get("byCount"), found.get("byRank")
-    if count == rank:
+    if count is None or count == rank:
         return str(rank)
     return f"{rank} by rank, {count} by count: the joints are redundant"
 

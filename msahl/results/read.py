@@ -14,7 +14,7 @@ from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.write import DECK, PART, file_name
+from msahl.results.write import DECK, DRIVES, PART, file_name
 from msahl.run.tables import ERROR, REACTIONS, STATES, WORK, error_columns, tables_of_model
 
 __all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
@@ -39,6 +39,7 @@ class Run:
     partial: bool
     errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
     others: dict[str, pd.DataFrame] = field(default_factory=dict)  # all other tables, by name
+    drives: pd.DataFrame | None = None  # loads that produce a given motion
 
     @property
     def time(self) -> np.ndarray:
@@ -98,7 +99,26 @@ def read_run(folder: Path) -> Run:
         },
         partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, model, tables[STATES_FILE]["time"].to_numpy(), info),
+        drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )
+
+
+def drives_file(folder: Path, info: dict[str, Any]) -> Path | None:
+    """Path of the table of the loads of a given motion; None if the folder is that of a run."""
+    return find(folder, file_name(DRIVES)) if "inverse" in info else None
+
+
+def _drives(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
+    """The table of the loads of a given motion, at these ``times``; None if there is none."""
+    path = drives_file(folder, info)
+    if path is None:
+        return None
+    table = read_table(path)
+    if "time" not in table.columns or len(table) != len(times):
+        raise ResultError(wrong_count(path, len(table), f"states.csv has {len(times)}"))
+    check_rows(path, table)
+    _require_times(path, table, times)
+    return table
 
 
 def _errors(

@@ -11,8 +11,15 @@ import numpy as np
 from msahl.model import Model
 from msahl.printable import shown_path
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.read import Run, read_model, require_columns, require_table, unreadable
-from msahl.results.write import PART, file_name
+from msahl.results.read import (
+    Run,
+    drives_file,
+    read_model,
+    require_columns,
+    require_table,
+    unreadable,
+)
+from msahl.results.write import DRIVES, PART, file_name
 from msahl.run.tables import REACTIONS, STATES, WORK, tables_of_model
 
 BLOCK = 1 << 22
@@ -56,6 +63,9 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
     try:
         for name, lines in files.items():
             require_columns(lines.path, lines.header, columns[name])
+        if drives := drives_file(folder, info):
+            files[DRIVES] = _Lines(drives)
+            columns[DRIVES] = files[DRIVES].header
         total = min(len(lines) for lines in files.values())
         if total == 0:
             raise ResultError(f"{shown_path(folder)}: the run has no rows yet; {AGAIN}")
@@ -73,6 +83,7 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
 def sample_run(run: Run, numbers: int, most: int) -> Sample:
     """Return rows of a run that was read, chosen as by ``read_sample``."""
     frames = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
+    frames[DRIVES] = run.drives
     known = {name: frame for name, frame in frames.items() if frame is not None}
     total, width = len(run.time), sum(frame.shape[1] for frame in known.values())
     rows = _spaced(total, min(most, max(numbers // width, 1000)))

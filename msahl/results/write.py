@@ -31,7 +31,9 @@ def file_name(table: str) -> str:
 
 GRADIENTS = "gradients.csv"
 """Derivatives of measures by numbers of the deck, if they were asked for."""
-TABLE_FILES = (*map(file_name, TABLES), GRADIENTS)
+DRIVES = "drives"
+"""Name of the table of the loads that produce a given motion."""
+TABLE_FILES = (*map(file_name, (*TABLES, DRIVES)), GRADIENTS)
 """Names of the files of all tables."""
 
 

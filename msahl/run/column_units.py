@@ -1,15 +1,18 @@
 """Quantity and unit of a column of a run's tables, by its name.
 
 A column is NAME.SUFFIX; the suffix determines the quantity (docs/results.md lists all of them). A
-signal or auxiliary state is a NAME alone. Only a load has one unit or another, by its coordinate.
+signal or auxiliary state is a NAME alone, whose unit the deck may state. A load has one unit or
+another, by its coordinate.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from msahl.joints.coordinates import SUFFIXES, is_angle
 from msahl.model import Model
 from msahl.model.couplings import COORDINATES
+from msahl.model.signals import SignalTable
 from msahl.run.tables import ERROR_OF
 
 TIME = "time"
@@ -76,37 +79,52 @@ QUANTITIES = {
     "power": POWER,
     "factor": Quantity("factor", "-"),
     "load": Quantity("load", "N or N m"),
+    "error": Quantity("error bar", "N or N m"),
 }
 """Quantity of a column by the part of its name after the last point."""
 ERRORS = {
     "position": Quantity("estimated error", "m"),
     "orientation": Quantity("estimated error", "m"),
+    "missingForce": Quantity("missing force", "N"),
 }
-"""Quantities of the table of estimated errors."""
+"""Quantities of the table of estimated errors, and of the column of ``drives.csv`` that belongs to
+no drive."""
+LOADS = ("load", "error")
 
 
 def quantity(column: str, model: Model | None = None) -> Quantity:
-    """Return the quantity of a column; with the ``model`` also the unit of a load."""
+    """Return the quantity of a column; with the ``model`` also the unit of a load or a signal."""
     name, point, suffix = column.rpartition(".")
-    if suffix == ERROR_OF and name:
+    if column == TIME:
+        return Quantity("time", "s")
+    if suffix == ERROR_OF:
         return Quantity(ERRORS["position"].word, quantity(name, model).unit)
     if not point:
-        return Quantity("time", "s") if column == TIME else ERRORS.get(column, SIGNAL)
-    if suffix == "load" and model is not None:
-        return _load(name, model)
-    return QUANTITIES.get(suffix, UNKNOWN)
+        return ERRORS.get(column) or (_signal(column, model) if model else SIGNAL)
+    found = QUANTITIES.get(suffix, UNKNOWN)
+    along = _along(name, model) if suffix in LOADS and model is not None else ""
+    return Quantity(found.word, "N m" if is_angle(along) else "N") if along else found
 
 
-def _load(name: str, model: Model) -> Quantity:
-    """Return the quantity of the load of a coupling, motion or actuator: force or moment."""
+def _signal(name: str, model: Model) -> Quantity:
+    """Return the quantity of a signal or an auxiliary state."""
+    units = (s.unit for s in model.signals if s.name == name and not isinstance(s, SignalTable))
+    return Quantity(SIGNAL.word, shown_unit(next(units, "")) or SIGNAL.unit)
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit of a deck, such as ``N-m/sec``, as tables and pages write it: ``N m/s``."""
+    return re.sub(r"(?<=[\w)])-(?=[A-Za-z(])", " ", unit.replace("sec", "s"))
+
+
+def _along(name: str, model: Model) -> str:
+    """Return the coordinate along which a coupling, motion, actuator or drive acts, "" if there is
+    none of this name; a drive that is not of the deck is called JOINT.COORDINATE."""
     for coupling in model.couplings:
         if coupling.name == name:
-            along = COORDINATES[coupling.kind][1]
-            break
-    else:
-        elements = (*model.motions, *model.loads)
-        found = [each for each in elements if each.name == name]
-        along = getattr(found[0], "coordinate", "slide") if found else ""
-    if not along:
-        return QUANTITIES["load"]
-    return Quantity("load", "N m" if is_angle(along) else "N")
+            return COORDINATES[coupling.kind][1]
+    for element in (*model.motions, *model.loads):
+        if element.name == name:
+            return getattr(element, "coordinate", "slide")
+    joint, _, coordinate = name.rpartition(".")
+    return coordinate if any(each.name == joint for each in model.joints) else ""

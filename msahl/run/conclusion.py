@@ -62,7 +62,7 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
     speed, h = extremes["speedMax"] or 0.0, setup.output.grid.h
     if estimate and settings.dissipative:
         kinetic = extremes["largestKineticEnergy"] or 0.0
-        displacement = speed * _longest_step(setup, report)
+        displacement = speed * longest_step(setup, report)
         estimate.add_damped(record.energy_taken, record.extremes.size, kinetic, displacement)
     if estimate and not settings.adaptive:
         displacement = min(h, report.time) * speed
@@ -92,7 +92,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         scipy_steps=report.scipy_steps,
         path_steps=report.path_steps,
         joints=report.joints,
-        dt=_longest_step(setup, report),
+        dt=longest_step(setup, report),
         order=settings.order,
         conserves=not settings.degree,
         works=any(bool(integrator.workspace.state.work.any()) for integrator in setup.integrators),
@@ -115,10 +115,11 @@ def _rotation_between_rows(setup: RunSetup, report: Report) -> float:
     """Bound of the relative rotation of two bodies between two output times [rad]; 0 where every
     step has a row, since a step shows its own rotation.
     """
-    steps = setup.output.every * setup.output.shown.h / _longest_step(setup, report)
+    steps = setup.output.every * setup.output.shown.h / longest_step(setup, report)
     return 2.0 * steps * (report.extremes["rotationPerStepMax"] or 0.0) if steps > 1.5 else 0.0
 
 
-def _longest_step(setup: RunSetup, report: Report) -> float:
-    """Size of the longest step [s]."""
-    return float(report.step_control["stepMax"]) if report.step_control else setup.output.grid.h
+def longest_step(setup: RunSetup, report: Report) -> float:
+    """Size of the longest step [s]; where none was taken, of the one to begin with."""
+    longest = report.step_control["stepMax"] if report.step_control else 0.0
+    return float(longest) or setup.output.grid.h

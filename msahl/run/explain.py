@@ -200,9 +200,9 @@ def _omitted_terms(model: Model, integrators: Sequence[SubsystemIntegrator]) -> 
 
 def _loaded(integrators: Sequence[SubsystemIntegrator]) -> Iterator[str]:
     yield (
-        "a run loads numpy, lxml, orjson and llvmlite; scipy.optimize for the first step and for "
-        "steps that Newton's method fails on (--solver auto), never with --solver newton; neither "
-        "pandas nor matplotlib"
+        "a run loads numpy, lxml, orjson and llvmlite; of scipy.optimize only the function for the "
+        "first step and for steps that Newton's method fails on (--solver auto), nothing with "
+        "--solver newton; neither pandas nor matplotlib"
     )
     kept = on_disk([call for integrator in integrators for call in integrator.stepper.calls])
     yield (

@@ -47,7 +47,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     RESULTANTS: resultant_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
-ERROR_OF = "error"
+ERROR_OF = "estimatedError"
 """Suffix of the columns of signals in the table of estimated errors."""
 OBSERVED = (JOINTS, MARKERS, SYSTEM, BEAMS)
 """Tables that are computed from others."""

@@ -18,8 +18,8 @@ PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
 WARN_FACTOR = 10.0
 """Factor times a limit of the deck up to which a figure warns; beyond it fails."""
 ENERGY, ENERGY_FAIL = 1e-8, 1e-3
-"""Energy error relative to the largest kinetic energy that warns, and fails, of schemes that conserve
-it. A million steps of the preserving scheme drift by about 1e-12."""
+"""Energy error relative to the largest kinetic energy that warns, and fails, of schemes that
+conserve it. A million steps of the preserving scheme drift by about 1e-12."""
 VIOLATION, VIOLATION_FAIL = 1e-9, 1e-5
 """Constraint violation relative to the longest body that warns, and fails; steps reach 1e-14."""
 MOMENTUM, MOMENTUM_FAIL = 1e-9, 1e-4

@@ -29,6 +29,8 @@ RANGE = re.compile(
 )
 DRAWN = re.compile(r"(?P<kind>\w+)\((?P<numbers>[^()]*)\)\s*(?P<unit>.*)")
 ONE_NUMBER = re.compile(NUMBER)
+EVEN_DIGITS, ROUND_OFF = 13, 4.0 * 2.0**-52
+"""Digits of a number that somebody would write, and how far a range may miss it, relative to it."""
 MOST_VALUES = 10_000_000
 """Most values of a range."""
 DISTRIBUTIONS = {
@@ -139,6 +141,13 @@ def number_text(value: float) -> str:
     """Return the shortest text of a number that reads back to the same double."""
     text = repr(float(value))
     return text.removesuffix(".0")
+
+
+def even_text(value: float) -> str:
+    """Return the text of a number of a range: 0.3 in place of 0.30000000000000004, which differs
+    from it by the round-off of the division into steps."""
+    even = float(f"{value:.{EVEN_DIGITS}g}")
+    return number_text(even if abs(even - value) <= ROUND_OFF * abs(value) else value)
 
 
 def parse_set(text: str) -> Axis:
@@ -270,7 +279,7 @@ def _range(match: re.Match[str], where: str) -> list[str]:
         values = np.geomspace(first, last, count)
     else:
         values = np.linspace(first, last, count)
-    return [number_text(value) for value in values]
+    return [even_text(float(value)) for value in values]
 
 
 def _distribution(text: str, where: str) -> tuple[Distribution, str]:

@@ -67,7 +67,8 @@ class Job:
     columns of the plan, the measures, what is kept of a run, and the folder of kept tables.
 
     ``digest`` is that of the deck (``Resolver.digest``); no other deck is run if it is given.
-    ``source`` are the files of the deck, for machines that do not have them.
+    ``source`` are the files of the deck, for machines that do not have them. ``units`` are those of
+    columns and measures by their names, where they have one.
     """
 
     deck: str
@@ -78,6 +79,7 @@ class Job:
     folder: str = ""
     digest: str = ""
     source: Source | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """The job as JSON."""
@@ -90,6 +92,7 @@ class Job:
             "folder": self.folder,
             "digest": self.digest,
             "source": self.source and self.source.as_json(),
+            "units": dict(self.units),
         }
 
     @classmethod

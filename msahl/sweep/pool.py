@@ -17,7 +17,7 @@ from typing import Any
 import orjson
 
 from msahl.jit.progress import CompileError
-from msahl.subprocesses import cores, end_worker, start_worker
+from msahl.subprocesses import THREADS, cores, end_worker, start_worker
 from msahl.sweep.axes import number_text
 from msahl.sweep.points import (
     TIMED_OUT,
@@ -42,10 +42,6 @@ POLL = 0.1
 """Time between two looks at requests to stop and at time limits [s]."""
 WARM_SECONDS = 60.0
 """Time that a worker may take for loading the program, beyond the limit of its first point [s]."""
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that keep libraries from using all cores in every worker."""
-
-
 FATAL = {"CompileError": CompileError, "NotWrittenError": NotWrittenError,
          "ChangedError": ChangedError, "DeckError": ChangedError}  # fmt: skip
 """What ends the sweep, by the name that a worker gives it."""

@@ -411,6 +411,7 @@ def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> 
             "plan": plan.as_json(),
             "options": options,
             "measures": list(job.measures),
+            "units": dict(job.units),
             "keep": job.keep,
             **state,
         },

@@ -1,16 +1,20 @@
 """A sweep from its plan to its tables: check, lock the folder, run what is missing, write."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from msahl.deck import DeckError
+from msahl.deck import DeckError, listed_parameters
+from msahl.post.measures import unit_of
 from msahl.results.job import Job as Run
+from msahl.run.column_units import shown_unit
+from msahl.run.options import Number
 from msahl.run.report import COMPLETED
+from msahl.sweep.axes import BY_NAME, Column
 from msahl.sweep.faults import PlanError
 from msahl.sweep.measures import parse_measures, require_columns
 from msahl.sweep.plan import Plan
@@ -34,6 +38,8 @@ ALL = (1, 1)
 """The share of a sweep that is not divided."""
 RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
 """States of a sweep in ``sweep.json``."""
+SECONDS = "S"
+"""Stands for a time in the help of an option."""
 TRIED = 50
 """Points of a plan that are tried until the deck is valid at one."""
 
@@ -92,7 +98,8 @@ def check(sweep: Sweep) -> Sweep:
     """
     measures = parse_measures(sweep.job.measures)
     resolver = Resolver(sweep.job)
-    require_columns(measures, _valid_run(sweep.plan, resolver).model)
+    run = _valid_run(sweep.plan, resolver)
+    require_columns(measures, run.model)
     head = runs_head(sweep.plan, sweep.job.measures)
     twice = [name for name, count in Counter(head).items() if count > 1]
     if twice:
@@ -100,7 +107,22 @@ def check(sweep: Sweep) -> Sweep:
             f"'{twice[0]}' would be the head of two columns of runs.csv; rename the parameter of "
             "the deck, or give its values a unit"
         )
-    return replace(sweep, job=replace(sweep.job, digest=resolver.digest))
+    units = _units(sweep.job.columns, listed_parameters(run.given_text))
+    units |= {measure.text: unit_of(measure, run.model) for measure in measures}
+    return replace(sweep, job=replace(sweep.job, digest=resolver.digest, units=units))
+
+
+def _units(columns: Sequence[Column], parameters: Mapping[str, Any]) -> dict[str, str]:
+    """Return the units of columns whose cells have none: those that options have, or parameters of
+    the deck."""
+    units = {}
+    for column in columns:
+        if column.unit:
+            continue
+        kind = BY_NAME[column.name].kind if column.option else None
+        known = "s" if isinstance(kind, Number) and kind.unit == SECONDS else ""
+        units[column.head] = known or parameters.get(column.name, {}).get("units", "")
+    return {head: shown_unit(unit) for head, unit in units.items() if unit not in ("", "1")}
 
 
 def _valid_run(plan: Plan, resolver: Resolver) -> Run:

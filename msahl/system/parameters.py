@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from msahl.algebra.functions import Laws, build_laws
+from msahl.algebra.functions import Laws, build_laws, continue_past
 from msahl.algebra.rotation_arrays import parameters
 from msahl.algebra.vector import Vector, sub
 from msahl.elements.beams.group import Beams
@@ -44,6 +44,8 @@ def build_parameters(elements: Elements, topology: Topology) -> System:
     still nan.
     """
     model, laws = elements.model, build_laws(elements.laws)
+    for law in {entry.law for entry in elements.equations} - {-1}:
+        continue_past(laws, law, model.simulation.t_final)
     frames = _frames(elements, topology)
     coincide = _coincide(elements, topology, frames)
     scalar = _scalar(elements, topology, frames, laws) if elements.coordinates else None
@@ -75,7 +77,7 @@ def _frames(elements: Elements, topology: Topology) -> Frames:
         **topology.frames,
         inverse_mass=np.array([1.0 / body.mass for body in bodies] + [0.0]),
         length=np.array([*_lengths(bodies, elements.arms), 1.0]),
-        exponential=resolve(elements.model.simulation).exponential or None,
+        exponential=resolve(elements.model.simulation).exponential,
         ballistic=np.array([*(not arms for arms in elements.arms[: len(bodies)]), True]),
         moves=np.ones((2, 3)),
     )

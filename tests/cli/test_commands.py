@@ -344,7 +344,7 @@ SLOW = ("matplotlib", "numba", "pandas", "xmlschema")
     ("words", "absent", "present"),
     [
         (("run", "newton"), (*SLOW, "scipy.optimize"), ("numpy", "llvmlite")),
-        (("run", "auto"), SLOW, ("scipy.optimize",)),
+        (("run", "auto"), (*SLOW, "scipy.optimize"), ("numpy", "llvmlite")),
         (("check",), ("matplotlib", "pandas", "scipy", "numba"), ("lxml", "xmlschema")),
         (("--version",), ("matplotlib", "pandas", "scipy", "numba", "numpy", "lxml"), ("click",)),
     ],

@@ -168,7 +168,7 @@ def test_what_decks_seldom_have_is_read_back():
         Shape("B1", "cone", (0.1, 0.2), axes=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))),
     )
     signals = (
-        Signal("load", parse("-2*B.x - 3^-t")),
+        Signal("load", parse("-2*B.x - 3^-t"), "m"),
         SignalState("state", parse("gas(load)"), -1.5),
         SignalTable("gas", Law("cubic", (0.0, 1.0, 2.5, 0.1, 0.3, 0.2))),
         SignalTable("map", Surface("linear", (0.0, 1.0), (0.0, 2.0), ((1.0, 2.0), (3.0, 0.1)))),

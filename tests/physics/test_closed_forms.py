@@ -11,6 +11,7 @@ from msahl.algebra.vector import ZERO
 from msahl.model import (
     ConcentratedLoad,
     Coupling,
+    Joint,
     JointMotion,
     JointSpring,
     Law,
@@ -275,6 +276,26 @@ def test_a_driven_slider_crank_follows_its_formula(h):
     assert run.report.degrees_of_freedom == {"byCount": -3, "byRank": 0}
     # In space the hinges' reactions are not unique; the motor's moment is.
     assert "Motor" not in run.report.non_unique_reactions
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss3", "radau2"])
+@pytest.mark.parametrize("h", [0.01, 0.1 / 7.0])
+@pytest.mark.parametrize("kind", ["cubic", "linear"])
+def test_the_last_row_has_the_slope_of_a_law_that_ends_with_the_run(kind, scheme, h):
+    """Times of steps round, to either side of the end of a table."""
+    wheel = body("Wheel", inertia=SIZES)
+    t = np.array([0.0, 0.1, 0.2, 0.3])
+    table = Law(kind, (*t, *(5.0 * t if kind == "linear" else 0.5 * t + 20.0 * t**3)))
+    axle = Joint("Axle", "revolute", EARTH, "Wheel", ZERO, ZERO)
+    motor = JointMotion("Motor", "Axle", "angle", table)
+    model = build_model([wheel], [axle], motions=(motor,))
+    run = simulate(model, dt=h, t_final=0.3, scheme=scheme)
+    slope = 5.0 if kind == "linear" else 0.5 + 60.0 * 0.3**2
+    # The preserving scheme has order 2: h^2 times the third derivative, 120 rad/s^3, is 0.024.
+    error = 0.03 if scheme == "preserving" else 1e-9
+    assert run.of("spin")[-1, 2] == pytest.approx(slope, abs=error)
+    # The velocity of the start becomes that of the law in a step; that of the end is it.
+    assert run.report.extremes["constraintViolationRateMax"] < 1.0
 
 
 @pytest.mark.parametrize("degrees", [20.0, 45.0])

@@ -1,18 +1,26 @@
 """Columns against time, phase plots, comparisons of runs, and paths in space."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from msahl.deck import read_deck
+from msahl.expressions.syntax import Number
+from msahl.model.loads import JointActuator
+from msahl.model.signals import Signal
 from msahl.post.cli import main
-from msahl.post.columns import matching
+from msahl.post.columns import all_columns, matching
 from msahl.post.draw import encode, style
 from msahl.post.histories import histories, phase, run_labels
 from msahl.post.paths import paths_in_space, widest_plane
+from msahl.post.run_graphs import GRAPHS, Choice
+from msahl.post.run_report import HISTORIES
+from msahl.post.view.columns import columns_of_run
 from msahl.results.read import read_run
+from msahl.results.sample import read_sample
 from msahl.run.column_units import UNKNOWN, quantity
 from msahl.run.tables import error_columns, tables_of_model
 from tests.support.models import ROOT
@@ -198,3 +206,65 @@ def test_faults_are_one_sentence(folder, words, message):
     assert result.exit_code == 2
     assert message in re.sub(r"\s+", " ", result.stderr)
     assert "Traceback" not in result.stderr
+
+
+@pytest.fixture
+def defined(run):
+    """A run with an actuator, two signals, two markers and loads of a given motion."""
+    time = run.states[["time"]]
+    ramp = run.time.copy()
+    signals = time.assign(**{"voltage": ramp, "far": 1e6 * ramp, "Motor.load": ramp})
+    markers = time.assign(**{
+        f"{name}.{end}": scale * ramp + k
+        for k, name in enumerate(("Tip", "Root"))
+        for end, scale in (("x", 1.0), ("y", 0.0), ("vx", 2.0), ("q0", 1.0))
+    })  # fmt: skip
+    drives = time.assign(**{
+        "Pivot.angle.load": ramp, "Pivot.angle.error": 0.01 * ramp, "missingForce": 0.0 * ramp,
+    })  # fmt: skip
+    markers[["Tip.y", "Root.y"]] = 0.0
+    motor = JointActuator("Motor", "Pivot", "angle", Number(0.0))
+    model = replace(
+        run.model,
+        signals=(Signal("voltage", Number(0.0), "N-m/A-sec"), Signal("far", Number(0.0))),
+        loads=(motor,),
+    )
+    return replace(run, model=model, drives=drives, others={"signals": signals, "markers": markers})
+
+
+def test_what_a_deck_defines_comes_first(defined):
+    kinds = list(GRAPHS)
+    assert kinds[:4] == ["drives", "signals", "markers", "groups"] == list(HISTORIES[:4])
+    titles = {
+        kind: [graph.title for graph in GRAPHS[kind](defined, None, Choice()).graphs]
+        for kind in kinds[:4]
+    }
+    assert titles == {
+        "drives": ["load [N m]", "error bar [N m]"],  # no force is missing
+        "signals": ["load [N m]", "voltage [N m/A s]", "far"],
+        "markers": ["x [m]", "vx [m/s]"],
+        "groups": [],
+    }
+    curves = GRAPHS["markers"](defined, None, Choice()).graphs[0].curves
+    assert [name for name, _ in curves] == ["Tip", "Root"]
+
+
+def test_columns_of_every_table_are_found(defined, folder):
+    frames = [defined.states, *defined.others.values(), defined.drives]
+    names = [name for frame in frames for name in frame.columns[1:]]
+    assert set(names) < set(all_columns(defined))
+    assert matching(defined, ["Pivot.angle.*", "missing*"]) == [*defined.drives.columns[1:]]
+    info = {"inverse": {}}
+    write(folder, info=info)
+    defined.drives.to_csv(folder / "drives.csv", index=False)
+    assert "missingForce" in all_columns(read_run(folder))
+    assert "missingForce" in columns_of_run(read_sample(folder, 1000, 1000)).names
+    # A later run into the same folder has no drives.
+    write(folder)
+    assert "missingForce" not in all_columns(read_run(folder))
+
+
+def test_signals_are_labelled_with_their_units(defined):
+    with style():
+        _, figure = histories([defined], ["voltage,far"])
+    assert labels(figure) == ["signal [N m/A s]", "signal [SI]"]

@@ -26,15 +26,15 @@ def test_the_error_of_a_state_and_of_a_load_is_estimated(scheme, dt):
     run = simulate(motor(), dt, 0.6, scheme, solver="newton")
     names = error_columns(run.model)
     assert names[1:] == ["position", "orientation"] + [
-        f"{name}.error" for name in ("i", "P", "Motor.load", "Motor.power")
+        f"{name}.estimatedError" for name in ("i", "P", "Motor.load", "Motor.power")
     ]
     true = np.abs(run.signals[:, 1] - [motor_exactly(t)[1] for t in run.time])
     told = true > 0.1 * true.max()
-    ratio = run.errors[told, names.index("i.error")] / true[told]
+    ratio = run.errors[told, names.index("i.estimatedError")] / true[told]
     assert (ratio > 0.3).all()
     assert (ratio < 10.0).all()
     of_run = run.report.error["signals"]["i"]
-    assert of_run["error"] == run.errors[:, names.index("i.error")].max()
+    assert of_run["error"] == run.errors[:, names.index("i.estimatedError")].max()
     assert of_run["largest"] == np.abs(run.signals[:, 1]).max()
 
 
@@ -67,7 +67,7 @@ def test_a_state_that_is_faster_than_the_steps_is_where_it_belongs(scheme):
     model = on_a_rail((lag,), "z")
     run = simulate(model, 0.05, 1.0, scheme, solver="newton", error="estimate")
     # Of the jump at the start the first step leaves a few time constants over the step.
-    assert run.signals[1:, 1] == pytest.approx(5.0 * run.time[1:], abs=2e-4)
+    assert run.signals[1:, 1] == pytest.approx(5.0 * run.time[1:], abs=5e-4)
     # Of order two, the force's line is not seen: h^2 t 5/(12 m) or so.
     order_two = 0.05**2 * 5.0 / (6.0 * 2.0)
     exact = run.time + 5.0 * run.time**3 / (6.0 * 2.0)

@@ -101,3 +101,10 @@ def test_numbers_read_back_to_the_same_double():
     for value in (0.1, 1 / 3, 1e300, -2.0, 5e-324):
         assert float(number_text(value)) == value
     assert number_text(3.0) == "3"
+
+
+def test_a_range_has_short_numbers():
+    """By np.linspace the third number is 0.30000000000000004."""
+    assert parse_set("a=0.1:0.5:5").cells == ("0.1", "0.2", "0.3", "0.4", "0.5")
+    assert parse_set("a=1:1e3:4:log").cells == ("1", "10", "100", "1000")
+    assert parse_set("a=0:1:4").cells[1] == repr(1 / 3)

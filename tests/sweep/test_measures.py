@@ -7,7 +7,7 @@ from scipy.integrate import trapezoid
 from msahl.deck import read_deck
 from msahl.model import Options
 from msahl.post.events import crossings
-from msahl.post.measures import FIGURES, STATISTICS, evaluate, tables_needed
+from msahl.post.measures import FIGURES, STATISTICS, evaluate, tables_needed, unit_of
 from msahl.results.read import read_run
 from msahl.run import loop
 from msahl.run.tables import MemorySink
@@ -43,6 +43,19 @@ def test_statistics_are_those_of_the_column(ran):
 def test_a_vector_is_measured_by_its_norm(ran):
     force = np.linalg.norm(ran[2].table("reactions")[:, 1:4], axis=1)
     assert measured(ran, "Hinge.F absmax")[0] == {"Hinge.F absmax": force.max()}
+
+
+def test_the_displacement_from_the_start(ran):
+    model, _, sink = ran
+    place = sink.table("states")[:, 1:4]
+    away = np.linalg.norm(place - place[0], axis=1)
+    texts = ["displacement of Rod max", "displacement of Rod.z final", "displacement of Rod at 0"]
+    values, message = measured(ran, *texts)
+    assert list(values.values()) == pytest.approx([away.max(), place[-1, 2] - place[0, 2], 0.0])
+    assert not message
+    assert [unit_of(measure, model) for measure in parse_measures(texts)] == ["m"] * 3
+    with pytest.raises(PlanError, match="no table has a column 'Rad'"):
+        require_columns(parse_measures(["displacement of Rad max"]), model)
 
 
 def test_values_at_a_time(ran):

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from msahl.results.read import Run
 
 KINDS = (
-    *("linkage", "path", "path3d", "positions", "error", "energy", "work"),
-    *("joints", "constraints", "reactions"),
+    *("linkage", "path", "path3d", "drives", "signals", "markers", "groups"),
+    *("joints", "positions", "reactions", "energy", "error", "constraints", "work"),
 )
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
@@ -63,9 +63,10 @@ PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **given: Any) -> None:
     """Draw figures of one run, or compare several; print the files written.
 
-    KIND is linkage (the bodies at a few instants), path, path3d, positions, error, energy, work,
-    joints, constraints or reactions. Without a KIND, --columns and --phase, all kinds for which RUN
-    has data are drawn. Several runs share --columns, --phase, path and path3d.
+    KIND is linkage (the bodies at a few instants), path, path3d, drives (loads that produce a given
+    motion), signals (and loads of actuators), markers, groups, joints, positions, reactions,
+    energy, error, constraints or work. Without a KIND, --columns and --phase, all kinds for which
+    RUN has data are drawn. Several runs share --columns, --phase, path and path3d.
 
     \b
     Examples:
@@ -140,8 +141,9 @@ def _drawn(
 def report(run: Path, output: Path | None) -> None:
     """Write a report on a run.
 
-    report.html is a page in one file: verdict, motion in three dimensions, graphs of positions,
-    joint coordinates, reactions and energies, accuracy; open it in a browser. report.md has the
+    report.html is a page in one file: verdict, motion in three dimensions, graphs of what the deck
+    defines (loads of actuators, signals, markers), of joint coordinates, positions, reactions and
+    energies, accuracy; open it in a browser. report.md has the
     same figures as text, with its pictures beside it, for terminals and logs. Prints both paths.
 
     Example: msahl-post report results/double_pendulum_89

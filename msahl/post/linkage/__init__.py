@@ -5,7 +5,8 @@
                            -> drawing
 
 Links are lines between their joints, bodies with more joints polygons, free bodies the outlines of
-their shapes; joints are circles, points of the ground triangles, springs zigzags.
+their shapes; joints are circles, points of the ground triangles, springs zigzags, dampers
+cylinders with pistons.
 """
 
 from msahl.post.linkage.draw import draw_linkage, picture

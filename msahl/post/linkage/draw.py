@@ -15,6 +15,7 @@ from msahl.post.draw import COLOURS, folded, plain, shortened
 from msahl.post.linkage.motion import Motion, instants, moves, view
 from msahl.post.linkage.parts import GROUND, Parts, Scene, outline
 from msahl.post.scene import build_scene
+from msahl.post.scene.build import LONG
 from msahl.results.read import Run
 
 COUNT = 5
@@ -29,6 +30,16 @@ run; else for the time of the instants."""
 TIP_UP = 6
 """The library's marker of a triangle with its tip at the point."""
 COILS = 6
+DAMPER = tuple(
+    (np.array(place), np.array(swing))
+    for place, swing in (
+        ((0.0, 0.15, 0.3), (0.0, 0.0, 0.0)),
+        ((0.7, 0.3, 0.3, 0.7), (1.0, 1.0, -1.0, -1.0)),
+        ((0.54, 0.54), (0.8, -0.8)),
+        ((0.54, 0.85, 1.0), (0.0, 0.0, 0.0)),
+    )
+)
+"""Lines of a damper, its cylinder open to the piston: places along it from 0 to 1, and across."""
 SMALL = 0.02
 """Size of an outline, relative to the picture, below which a dot is drawn as well."""
 
@@ -235,9 +246,9 @@ def _draw_beams(
 
 
 def _draw_springs(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) -> None:
-    """Draw springs between two points as zigzags."""
+    """Draw springs between two points as zigzags, dampers as cylinders with pistons."""
     for spring in motion.scene["springs"]:
-        if spring["joint"] is not None or spring["glyph"] != "coil":
+        if spring["glyph"] not in LONG:
             continue
         a, b = (
             motion.placed(spring[end], np.array([spring[f"{end}Point"]]), k)[0] @ frame.T
@@ -245,11 +256,23 @@ def _draw_springs(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: L
         )
         along = b - a
         across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)
-        place = np.concatenate([[0.0], np.linspace(0.15, 0.85, 2 * COILS + 1), [1.0]])
-        swing = np.zeros(len(place))
-        swing[2:-2] = 0.02 * motion.scene["size"] * np.where(np.arange(2 * COILS - 1) % 2, -1, 1)
-        line = a + place[:, None] * along + swing[:, None] * across
-        axes.plot(*line.T, color="0.35", lw=0.45 * look.width, zorder=40)
+        wide = 0.02 * motion.scene["size"] * across
+        # Of a spring with a damper both are drawn beside each other.
+        aside = float(spring["glyph"] == "strut")
+        drawn = [] if spring["glyph"] == "damper" else [(*_zigzag(), 1.4 * aside)]
+        drawn += [] if spring["glyph"] == "coil" else [(*line, -1.4 * aside) for line in DAMPER]
+        for place, swing, shift in drawn:
+            beside = swing + np.where((place == 0.0) | (place == 1.0), 0.0, shift)
+            line = a + place[:, None] * along + beside[:, None] * wide
+            axes.plot(*line.T, color="0.35", lw=0.45 * look.width, zorder=40)
+
+
+def _zigzag() -> tuple[np.ndarray, np.ndarray]:
+    """Return the line of a spring: places along it from 0 to 1, and across it from -1 to 1."""
+    place = np.concatenate([[0.0], np.linspace(0.15, 0.85, 2 * COILS + 1), [1.0]])
+    swing = np.zeros(len(place))
+    swing[2:-2] = np.where(np.arange(2 * COILS - 1) % 2, -1, 1)
+    return place, swing
 
 
 def _draw_pins(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) -> None:

@@ -38,7 +38,8 @@ def _group(group: Group, data: str, records: list[dict[str, object]]) -> Markup:
     shared = len(set(names)) == 1
     places = []
     for graph, (curves, more), listed in zip(group.graphs, shown, names, strict=True):
-        legend = [] if shared else [_legend(listed, more)]
+        is_titled = len(listed) == 1 and graph.title.startswith(listed[0])
+        legend = [] if shared or is_titled else [_legend(listed, more)]
         place = element(
             "div",
             class_="plot",

@@ -53,7 +53,8 @@ its axes.
       }],
       "springs": [{
         "name": str,
-        "glyph": "coil" or "bushing" or "torsion",
+        "glyph": "coil" or "damper" or "strut" (a coil around a damper)
+            or "torsion" or "drum" (a damper of rotation) or "bushing",
         "a": int, "aPoint": [3], "b": int, "bPoint": [3],
         "joint": int or null,                # of springs along a joint's coordinate
         "axis": [3] or null,                 # of these: unit vector, axes of a

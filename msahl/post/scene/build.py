@@ -52,6 +52,10 @@ PALETTE = (
 PARALLEL = 1e-6
 """Sine of the angle between axes that count as parallel."""
 
+LONG = ("coil", "damper", "strut")
+"""Glyphs of springs that are as long as the distance between their ends."""
+SHORT, VISIBLE = 0.08, 0.25
+"""Lengths of a spring that is too short to be seen, and of one drawn in its place, by ``size``."""
 IN_PLANE = ("fixed", "slide", "rack", "cam")
 """Glyphs of joints that take no part in deciding whether a mechanism is planar."""
 
@@ -71,26 +75,17 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     if size == 0.0:  # bodies at one point: their inertia alone has a length
         size = max(2.0 * float(half_box(equivalent_solid(b)).max()) for b in model.bodies)
+    for spring in springs:
+        if spring["joint"] is not None and spring["glyph"] in LONG:
+            spring["aPoint"] = _foot(model, spring, poses, size)
     given, errors = given_shapes(model, folders)
     shapes = derived_shapes(model, joints, poses, size)
     shapes |= {body[name]: given_here for name, given_here in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
     corner = np.concatenate(around)
-    beam_of = node_beams(model)
     return {
         "title": model.simulation.title or title,
-        "bodies": [
-            {
-                "name": record.name,
-                "pose": poses[index],
-                "centre": floats(record.r_BG),
-                "mass": record.mass,
-                "colour": _colour(shapes[index], index),
-                "shapes": shapes[index],
-                "beam": beam_of.get(record.name),
-            }
-            for index, record in enumerate(model.bodies)
-        ],
+        "bodies": _body_entries(model, poses, shapes),
         "beams": beam_entries(model, body, PALETTE),
         "ground": {"names": [g.name for g in model.grounds], "shapes": shapes[GROUND]},
         "joints": joints,
@@ -106,6 +101,47 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
         "normal": _normal(joints, poses),
         "notes": [str(error) for error in errors],
     }
+
+
+def _body_entries(
+    model: Model, poses: Sequence[list[float]], shapes: dict[int, list[Shape]]
+) -> list[Entry]:
+    """Return the bodies."""
+    beam_of = node_beams(model)
+    return [
+        {
+            "name": record.name,
+            "pose": poses[index],
+            "centre": floats(record.r_BG),
+            "mass": record.mass,
+            "colour": _colour(shapes[index], index),
+            "shapes": shapes[index],
+            "beam": beam_of.get(record.name),
+        }
+        for index, record in enumerate(model.bodies)
+    ]
+
+
+def _foot(
+    model: Model, spring: Entry, poses: Sequence[Sequence[float]], size: float
+) -> list[float]:
+    """Return where a spring along a joint's axis ends on its first body. At t = 0 the points of the
+    joint may coincide: then beside its mass centre, or at a length that can be seen."""
+    point, axis = np.array(spring["aPoint"]), np.array(spring["axis"])
+    apart = _placed(np.array(spring["bPoint"]), poses, spring["b"]) - _placed(
+        point, poses, spring["a"]
+    )
+    if np.linalg.norm(apart) >= SHORT * size:
+        return floats(point)
+    if spring["a"] != GROUND:
+        shift = float((np.array(model.bodies[spring["a"]].r_BG) - point) @ axis)
+        if abs(shift) >= SHORT * size:
+            return floats(point + shift * axis)
+    inwards = _placed(np.array(model.bodies[spring["b"]].r_BG), poses, spring["b"]) - _placed(
+        point, poses, spring["a"]
+    )
+    outwards = _placed(point + axis, poses, spring["a"]) - _placed(point, poses, spring["a"])
+    return floats(point - math.copysign(VISIBLE * size, float(inwards @ outwards)) * axis)
 
 
 def _colour(shapes: Sequence[Shape], index: int) -> str:

@@ -27,6 +27,8 @@ from msahl.post.scene.geometry import floats, quaternion
 Entry = dict[str, Any]
 GROUND = -1
 
+ROTARY = {"coil": "torsion", "strut": "torsion", "damper": "drum"}
+"""Glyphs of springs and dampers between directions, by those between points."""
 COUPLING_GLYPHS = {"gear": "gear", "rackAndPinion": "rack", "camFollower": "cam"}
 
 
@@ -104,7 +106,7 @@ def spring_entries(model: Model, body: Mapping[str, int], joints: list[Entry]) -
             found.append(
                 {
                     "name": load.name,
-                    "glyph": "coil" if isinstance(load, SpringDamper) else "bushing",
+                    "glyph": "bushing" if isinstance(load, Bushing) else _spring_glyph(load),
                     "a": body[load.parent],
                     "aPoint": floats(load.parent_point),
                     "b": body[load.child],
@@ -118,7 +120,9 @@ def spring_entries(model: Model, body: Mapping[str, int], joints: list[Entry]) -
             found.append(
                 {
                     "name": load.name,
-                    "glyph": "torsion" if load.coordinate == "angle" else "coil",
+                    "glyph": ROTARY[_spring_glyph(load)]
+                    if load.coordinate == "angle"
+                    else _spring_glyph(load),
                     "a": joint["parent"],
                     "aPoint": joint["parentPoint"],
                     "b": joint["child"],
@@ -128,6 +132,14 @@ def spring_entries(model: Model, body: Mapping[str, int], joints: list[Entry]) -
                 }
             )
     return found
+
+
+def _spring_glyph(load: SpringDamper | JointSpring) -> str:
+    """Return what a spring-damper is drawn as, by what it does."""
+    is_spring = load.stiffness != 0.0 or load.table is not None
+    if load.damping == 0.0:
+        return "coil"
+    return "strut" if is_spring else "damper"
 
 
 def load_entries(model: Model, body: Mapping[str, int], place: Mapping[str, int]) -> list[Entry]:

@@ -110,7 +110,7 @@ def _over_one(
             x[order], measure.values[order],
             ls=LINES[k // len(COLOURS) % len(LINES)] if joined else "",
             marker="o", ms=4 if len(order) < 300 else 2,
-            color=COLOURS[k % len(COLOURS)], label=plain(level),
+            color=COLOURS[k % len(COLOURS)], label=plain(by.short[level] if by else level),
         )  # fmt: skip
     _mark(axes, sweep, measure, x)
     if ticks:
@@ -133,7 +133,8 @@ def _abscissa(over: Parameter) -> tuple[np.ndarray, list[str]]:
     if over.values is not None:
         return over.values, []
     levels = over.levels
-    return np.array([float(levels.index(cell)) for cell in over.cells]), levels
+    places = np.array([float(levels.index(cell)) for cell in over.cells])
+    return places, [over.short[level] for level in levels]
 
 
 def _is_geometric(values: np.ndarray) -> bool:

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from msahl.post.measures import MeasureError, parse_measure, unit_of
 from msahl.printable import printable, shown_path
 from msahl.results.read import ResultError
-from msahl.run.column_units import quantity
 
 INFO, RUNS, SECONDS, PART = "sweep.json", "runs.csv", "seconds.csv", ".part"
 POINT, STATUS, VERDICT, ERROR, MESSAGE, KEY = (
@@ -27,7 +27,8 @@ AGAIN = "go on with it: msahl sweep, with the same plan"
 NUMBER = re.compile(r"([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 DRAWN = " ~ "
 """Text between name and distribution in the words of a plan's axis."""
-STATISTICS = ("max", "min", "absmax", "mean", "rms", "range", "final", "initial")
+DIGITS = 6
+"""Digits of the numbers of a plan on pages, if they distinguish them."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,18 @@ class Parameter:
             return list(dict.fromkeys(self.cells))
         order = sorted(dict(zip(self.cells, self.values, strict=True)).items(), key=lambda p: p[1])
         return [cell for cell, _ in order]
+
+    @cached_property
+    def short(self) -> dict[str, str]:
+        """Its different cells with numbers of few digits, but as many as distinguish them."""
+        cells = self.levels
+        matches = [NUMBER.fullmatch(cell.strip()) for cell in cells]
+        for digits in range(DIGITS, 17):
+            pairs = zip(cells, matches, strict=True)
+            found = [_shortened(match, digits) if match else cell for cell, match in pairs]
+            if len(set(found)) == len(cells):
+                return dict(zip(cells, found, strict=True))
+        return dict(zip(cells, cells, strict=True))
 
 
 @dataclass(frozen=True)
@@ -168,7 +181,7 @@ def read_sweep(folder: Path) -> SweepRuns:
         folder=folder,
         info=info,
         parameters=tuple(_parameters(info, columns, cells)),
-        measures=tuple(_measures(measures, cells)),
+        measures=tuple(_measures(measures, cells, _units(info))),
         status=cells[STATUS],
         verdict=cells.get(VERDICT, ("",) * len(rows)),
         messages=cells.get(MESSAGE, ("",) * len(rows)),
@@ -217,50 +230,58 @@ def _parameters(
     axes = info["plan"].get("axes", [])
     known = len(axes) == len(columns)
     drawn = [known and DRAWN in str(axis) for axis in axes] if known else [False] * len(columns)
+    units = _units(info)
     return [
-        _parameter(name, cells[name], is_drawn)
+        _parameter(name, cells[name], is_drawn, units.get(name, ""))
         for name, is_drawn in zip(columns, drawn, strict=True)
     ]
 
 
-def _parameter(name: str, cells: tuple[str, ...], drawn: bool) -> Parameter:
-    """Return a column of the plan; cells with one common unit are numbers in this unit."""
+def _units(info: dict[str, Any]) -> dict[str, str]:
+    """Return the units of columns and measures that the sweep has stated, by name."""
+    found = info.get("units")
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): unit for name, unit in found.items() if isinstance(unit, str)}
+
+
+def _shortened(match: re.Match[str], digits: int) -> str:
+    """Return the number and the unit of a cell, the number with so many digits at most."""
+    number = f"{float(match[1]):.{digits}g}"
+    return f"{min(number, match[1], key=len)} {match[2]}".strip()
+
+
+def _parameter(name: str, cells: tuple[str, ...], drawn: bool, known: str) -> Parameter:
+    """Return a column of the plan; cells with one common unit are numbers in this unit, without any
+    in that which is ``known``."""
     found = [NUMBER.fullmatch(cell.strip()) for cell in cells]
     units = {match[2] for match in found if match}
     if not all(found) or len(units) != 1:
         return Parameter(name, cells, None, drawn)
-    (unit,) = units
+    unit = units.pop() or known
     values = np.array([float(match[1]) for match in found if match])
     return Parameter(f"{name} [{unit}]" if unit else name, cells, values, drawn)
 
 
-def _measures(names: Sequence[str], cells: dict[str, tuple[str, ...]]) -> list[Measured]:
+def _measures(
+    names: Sequence[str], cells: dict[str, tuple[str, ...]], units: dict[str, str]
+) -> list[Measured]:
     """Return the measures that are numbers, and the estimated error where it is known."""
     wanted = [*names, *([ERROR] if ERROR in cells and ERROR not in names else [])]
     found = []
     for name in wanted:
         values = _numbers(cells[name])
         if np.isfinite(values).any():
-            found.append(Measured(name, unit_of(name), values))
+            found.append(Measured(name, units.get(name) or _unit(name), values))
     return found
 
 
-def unit_of(measure: str) -> str:
-    """Return the SI unit of a measure, "" if it is not known."""
-    if measure in (ERROR, "constraintViolationMax", "displacementMax", "distanceMax"):
-        return "m"
-    if measure in ("seconds", "time") or measure.startswith("time of "):
-        return "s"
-    if " at " in measure:
-        column = measure.partition(" at ")[0]
-    else:
-        column, _, statistic = measure.rpartition(" ")
-        if statistic not in STATISTICS:
-            return ""
-    if quantity(column).unit in ("", "SI") and "." in column:
-        return quantity(f"{column}x").unit  # the norm of a vector, such as Hinge.F
-    unit = quantity(column).unit
-    return "" if unit == "SI" else unit
+def _unit(name: str) -> str:
+    """Return the unit of a measure whose deck is not known."""
+    try:
+        return unit_of(parse_measure(name))
+    except MeasureError:
+        return ""
 
 
 def _numbers(cells: Sequence[str]) -> np.ndarray:

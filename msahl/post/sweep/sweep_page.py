@@ -133,7 +133,7 @@ def _row(sweep: SweepRuns, k: int) -> tuple[Cell, ...]:
     values = [float(m.values[k]) for m in sweep.measures]
     return (
         int(sweep.numbers[k]),
-        *(p.cells[k] for p in sweep.varied),
+        *(p.short[p.cells[k]] for p in sweep.varied),
         sweep.status[k],
         sweep.verdict[k],
         *(value if value == value else None for value in values),

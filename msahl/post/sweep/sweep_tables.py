@@ -102,7 +102,7 @@ def _extremes(sweep: SweepRuns) -> Table:
 
 def place(sweep: SweepRuns, index: int) -> str:
     """Say which values the varied parameters have at a point."""
-    return ", ".join(f"{p.name} = {p.cells[index]}" for p in sweep.varied)
+    return ", ".join(f"{p.name} = {p.short[p.cells[index]]}" for p in sweep.varied)
 
 
 def all_indices(sweep: SweepRuns) -> list[Indices]:
@@ -153,7 +153,7 @@ def failures_table(sweep: SweepRuns) -> Table:
     rows = tuple(
         (
             int(sweep.numbers[k]),
-            *(p.cells[k] for p in sweep.varied),
+            *(p.short[p.cells[k]] for p in sweep.varied),
             sweep.status[k],
             sweep.messages[k],
         )

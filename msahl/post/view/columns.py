@@ -13,6 +13,7 @@ from msahl.post.view.packing import pack_integers, pack_numbers
 from msahl.printable import printable, shown_path
 from msahl.results.info import ResultError
 from msahl.results.sample import Sample
+from msahl.results.write import DRIVES
 from msahl.run.column_units import quantity
 from msahl.run.tables import JOINTS, REACTIONS, SIGNALS
 
@@ -38,12 +39,11 @@ def columns_of_run(sample: Sample, patterns: tuple[str, ...] = ()) -> Columns:
 
     Raises ``ResultError`` for a pattern that no column matches.
     """
-    every = [
-        (table, place, name)
-        for table, (head, _) in _in_order(sample)
-        for place, name in enumerate(head)
-        if place
-    ]
+    found: dict[str, tuple[str, int, str]] = {}
+    for table, (head, _) in _in_order(sample):
+        for place, name in enumerate(head[1:], start=1):
+            found.setdefault(name, (table, place, name))  # two tables may have the load of a drive
+    every = list(found.values())
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for _, _, name in every):
             where = shown_path(sample.folder)
@@ -70,7 +70,7 @@ def _unit(name: str, model: Model) -> str:
 
 
 def _in_order(sample: Sample) -> Iterator[tuple[str, tuple[list[str], np.ndarray]]]:
-    first = (JOINTS, REACTIONS, SIGNALS)
+    first = (DRIVES, JOINTS, REACTIONS, SIGNALS)
     yield from ((name, sample.tables[name]) for name in first if name in sample.tables)
     yield from ((name, table) for name, table in sample.tables.items() if name not in first)
 
@@ -78,9 +78,8 @@ def _in_order(sample: Sample) -> Iterator[tuple[str, tuple[list[str], np.ndarray
 def pack_columns(columns: Columns, most: int) -> dict[str, Any]:
     """Return the columns as the viewer reads them: at most about ``most`` numbers.
 
-    Of longer series each interval of the time has the least and the greatest value of each column,
-    in their order; it begins at the first of its two times. A value is ``least`` + ``step`` times
-    its integer.
+    Of longer series (``every`` is false) there are two values of each interval of the time, as
+    ``thinned`` chooses them. A value is ``least`` + ``step`` times its integer.
     """
     width = max(len(columns.names), 1)
     time, values = _extremes(columns.time, columns.values, max(most // width // 2, FEWEST))

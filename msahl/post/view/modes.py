@@ -32,6 +32,10 @@ from msahl.post.view.viewer import Shown
 
 NUMBERS = 400_000
 """Most numbers of shapes that a page contains: some 800 kB of it."""
+CERTAIN = 10.0
+"""Multiple of its error by round-off beyond which a frequency is one."""
+SLOW = 1e-6
+"""Frequency relative to the largest below which a mode is a rigid-body motion."""
 ROUNDING = 2.0**-20
 """What a shape is rounded to, relative to the largest part of all."""
 
@@ -68,8 +72,16 @@ def _packed(point: Point, found: Modes, kept: np.ndarray) -> dict[str, Any]:
         "unit": unit,
         "shapes": pack_integers(np.rint(parts / unit).astype(np.int64)),
         "modes": [_described(point, found, int(m)) for m in kept],
-        "first": 0,
+        "first": _first_vibration(found, kept),
     }
+
+
+def _first_vibration(found: Modes, kept: np.ndarray) -> int:
+    """Return the place among the rows ``kept`` of the first mode that oscillates, 0 if none does:
+    those that creep, or are slow by round-off alone, come before it and show little."""
+    oscillation = found.value[kept].imag
+    vibrates = oscillation > np.maximum(CERTAIN * found.error[kept], SLOW * oscillation.max())
+    return int(np.argmax(vibrates))
 
 
 def _described(point: Point, found: Modes, m: int) -> dict[str, Any]:

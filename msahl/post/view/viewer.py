@@ -32,8 +32,8 @@ from msahl.run.tables import JOINTS
 
 POSE_NUMBERS = 300_000
 """Most numbers of key poses of ten bodies, and in proportion of more: about 300 kB of the page."""
-COLUMN_NUMBERS = 150_000
-"""Most numbers of columns, of which each takes 1 to 2 bytes of the page."""
+COLUMN_NUMBERS = 600_000
+"""Most numbers of columns, of which each takes about a byte of the page."""
 READ_NUMBERS = 3_000_000
 """Numbers that are read from the tables of a run, of which the reading takes a second."""
 READ_ROWS = 1 << 16

@@ -3,10 +3,12 @@
 import { Beam } from "./beams.js";
 import { axesObject, jointObjects, markerObject, motionObject, turnTo } from "./glyphs.js";
 import { Coil } from "./coil.js";
+import { Damper, drumObject } from "./damper.js";
 import { WIDTH } from "./motion.js";
 import { bar, shapeObject, solid, stretch } from "./shapes.js";
 
 const SPRING = "#6c7683";
+const SPRINGS = { bushing: "bushing", damper: "damper", drum: "damper", strut: "spring and damper" };
 const DOT = 0.004; // radius of a dot divided by its distance from the camera
 const CLOSE = 10; // size of a glyph divided by the distance of joints of a body
 export const GLOW = "#1c7ed6";
@@ -201,7 +203,7 @@ export class Model3d {
   spring(spring) {
     const size = this.scene.size;
     const material = solid(this.look.tint ?? SPRING, { ...this.look, metalness: 0.4, roughness: 0.35 });
-    const name = { kind: "spring", name: spring.name, what: spring.glyph === "bushing" ? "bushing" : "spring" };
+    const name = { kind: "spring", name: spring.name, what: SPRINGS[spring.glyph] ?? "spring" };
     if (spring.glyph === "bushing") {
       const rubber = new THREE.Mesh(new THREE.TorusGeometry(0.028 * size, 0.013 * size, 14, 36), solid("#30363d", this.look));
       rubber.position.set(...spring.aPoint);
@@ -213,13 +215,25 @@ export class Model3d {
       if (spring.axis) spiral.quaternion.copy(turnTo(spring.axis));
       spiral.traverse((child) => (child.userData = name));
       this.follow(spiral, spring.a, this.parts.springs);
+    } else if (spring.glyph === "drum") {
+      const drum = drumObject(0.035 * size, material);
+      drum.position.set(...spring.aPoint);
+      if (spring.axis) drum.quaternion.copy(turnTo(spring.axis));
+      drum.traverse((child) => (child.userData = name));
+      this.follow(drum, spring.a, this.parts.springs);
     } else {
-      const coil = new Coil(0.022 * size, 0.0045 * size, 9, material);
-      coil.object.userData = name;
-      this.parts.springs.add(coil.object);
+      const parts = [];
+      if (spring.glyph !== "damper") parts.push(new Coil(0.022 * size, 0.0045 * size, 9, material));
+      if (spring.glyph !== "coil") parts.push(new Damper((spring.glyph === "damper" ? 0.02 : 0.011) * size, 0.05 * size, this.look));
+      for (const part of parts) {
+        part.object.traverse((child) => (child.userData = name));
+        this.parts.springs.add(part.object);
+      }
       const [a, b] = [new THREE.Vector3(), new THREE.Vector3()];
       this.movers.push(() => {
-        coil.between(this.pointOf(spring.a, spring.aPoint, a), this.pointOf(spring.b, spring.bPoint, b));
+        this.pointOf(spring.a, spring.aPoint, a);
+        this.pointOf(spring.b, spring.bPoint, b);
+        for (const part of parts) part.between(a, b);
       });
     }
   }

@@ -104,7 +104,9 @@ export class TimeGraph {
         const at = run.columns?.places.get(name);
         if (at === undefined) return;
         const dash = number ? [6, 4] : undefined;
-        const options = { scale: unit, stroke, width: 1.6, dash, pxAlign: 0, points: { show: false }, spanGaps: true };
+        // Few values of a long run are joined by curves that keep their extremes.
+        const paths = run.columns.every ? undefined : uPlot.paths.spline();
+        const options = { scale: unit, stroke, width: 1.6, dash, paths, pxAlign: 0, points: { show: false }, spanGaps: true };
         series.push({ run: number, place: at, name, unit, stroke, options });
       });
     });

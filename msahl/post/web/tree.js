@@ -15,7 +15,7 @@ export function buildTree(viewer) {
     colouring(viewer),
     section("Joints", scene.joints.map((joint) => row(viewer, "joint", joint.name, joint.kind))),
     section("Motions", scene.motions.map((motion) => row(viewer, "motion", motion.name, motion.coordinate ?? "point"))),
-    section("Springs", scene.springs.map((spring) => row(viewer, "spring", spring.name, spring.glyph))),
+    section("Springs", scene.springs.map((spring) => row(viewer, "spring", spring.name, spring.glyph === "drum" ? "damper" : spring.glyph))),
     section("Loads", scene.loads.map((load) => row(viewer, "load", load.name, load.kind))),
     section("Markers", scene.markers.map((marker) => row(viewer, "marker", marker.name, ""))),
   ];

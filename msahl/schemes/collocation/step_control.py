@@ -27,6 +27,11 @@ coinciding points without laws of time two more terms count: the error of the de
 middle of the long step, and that of the works, relative to the system's energy, times its length.
 The errors of auxiliary states count likewise, each relative to its largest size so far.
 
+Works count once a body has been faster than tol/T. Slower than that, nothing moves by tol in the
+run, and at rest both energy and works are rounding errors, whose quotient says nothing. The work
+of a load during a displacement is not known better than the displacement, so where bodies move by
+little more than the rounding errors of their positions, that part of the works is rounding error.
+
 Source: E. Hairer, S. P. Noersett, G. Wanner, Solving Ordinary Differential Equations I (1993),
 section II.4, for the pairs and (1).
 """
@@ -38,6 +43,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
+from msahl.elements.frames import moving_count
 from msahl.events import margins
 from msahl.events.margins import END as END_OF_RUN
 from msahl.jit.kernel import kernel, optional
@@ -50,15 +56,16 @@ from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
 from msahl.system.arrays import State
-from msahl.system.diagnostics import KINETIC, record_figures
+from msahl.system.diagnostics import KINETIC, SPEED, record_figures
 from msahl.system.state import copy_state
 
-NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, STATES = range(11)
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, FASTEST, STATES = range(12)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
 or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
-which works are compared [J]; from here on the largest sizes of the auxiliary states."""
+which works are compared [J], and highest speed [m/s]; from here on the largest sizes of the
+auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -91,7 +98,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (10 + n,) see above
+    figures: np.ndarray  # (11 + n,) see above
     counts: np.ndarray  # (4,)
     event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
@@ -247,7 +254,9 @@ def local_error(
     """Local error of the pair [m], and how much of that is rounding error."""
     error, round_off = end_difference(subsystem, control)
     if control.checks_rows:
-        rest, more = middle_difference(subsystem, control, row)
+        rest, more = middle_difference(subsystem, control)
+        error, round_off = error + rest, round_off + more
+        rest, more = work_difference(subsystem, control, row, round_off)
         error, round_off = error + rest, round_off + more
     return error / (2.0**order - 1.0), round_off
 
@@ -427,35 +436,60 @@ def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float)
 
 
 @kernel
-def middle_difference(
-    subsystem: CollocationWorkspace, control: StepControl, row: int
-) -> tuple[float, float]:
+def middle_difference(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
     """Difference [m] between the dense output of the long step and the pair at its middle, plus
-    the difference of their works over the energy, or of their auxiliary states over the largest of
-    these, times the length of the system; and how much of that is rounding error.
+    that of their auxiliary states over the largest of these, times the length of the system; and
+    how much of that is rounding error.
     """
-    workspace, figures = subsystem.workspace, control.figures
-    frames = workspace.system.frames
-    error, length = 0.0, 0.0
+    figures, frames = control.figures, subsystem.workspace.system.frames
+    error, length, other, any_states = 0.0, largest_body(subsystem), 0.0, False
     for b in range(control.x.shape[0] - 1):
         u = sub(at(control.middle.x, b), at(control.x_middle, b))
         c = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
-        distance = math.sqrt(dot(u, u)) + frames.length[b] * math.sqrt(dot(c, c))
-        error, length = max(error, distance), max(length, frames.length[b])
-    for r in range(row, row + 2):
-        figures[ENERGY] = max(figures[ENERGY], workspace.monitor.rows[r, KINETIC])
-    work, size = 0.0, figures[ENERGY]
-    for w in range(control.work.size):
-        work = max(work, abs(control.end.work[w] - control.work[w]))
-        size = max(size, abs(control.work[w]))
-    other = length * work / size if size > 0.0 else 0.0
+        error = max(error, math.sqrt(dot(u, u)) + frames.length[b] * math.sqrt(dot(c, c)))
     for k in range(control.auxiliary.size):
         state = control.end.auxiliary[k]
         figures[STATES + k] = max(figures[STATES + k], abs(state))
         if figures[STATES + k] > 0.0:
             off = length * abs(state - control.auxiliary[k]) / figures[STATES + k]
-            size, other = 1.0, max(other, off)
-    return error + other, ROUND_OFF * length if size > 0.0 else 0.0
+            any_states, other = True, max(other, off)
+    return error + other, ROUND_OFF * length if any_states else 0.0
+
+
+@kernel
+def work_difference(
+    subsystem: CollocationWorkspace, control: StepControl, row: int, blurred: float
+) -> tuple[float, float]:
+    """Difference [m] between the works of the pair and of the long step over the energy, times the
+    length of the system; and how much of that is rounding error, where positions are known to
+    within ``blurred`` [m].
+    """
+    figures, rows = control.figures, subsystem.workspace.monitor.rows
+    speed = max(rows[row, SPEED], rows[row + 1, SPEED])
+    figures[FASTEST] = max(figures[FASTEST], speed)
+    figures[ENERGY] = max(figures[ENERGY], rows[row, KINETIC], rows[row + 1, KINETIC])
+    if figures[FASTEST] <= figures[SHARE]:
+        return 0.0, 0.0
+    work, size, done = 0.0, figures[ENERGY], 0.0
+    for w in range(control.work.size):
+        work = max(work, abs(control.end.work[w] - control.work[w]))
+        size = max(size, abs(control.work[w]))
+        done = max(done, abs(control.end.work[w] - control.start.work[w]))
+    if size == 0.0:
+        return 0.0, 0.0
+    length = largest_body(subsystem)
+    moved = (control.end.time[0] - control.start.time[0]) * speed
+    unknown = done * blurred / max(moved, blurred) if blurred > 0.0 else 0.0
+    return length * work / size, length * (ROUND_OFF + unknown / size)
+
+
+@kernel
+def largest_body(subsystem: CollocationWorkspace) -> float:
+    """Length of the largest body [m], by which relative errors count as positions."""
+    length, frames = 0.0, subsystem.workspace.system.frames
+    for b in range(moving_count(frames)):
+        length = max(length, frames.length[b])
+    return length
 
 
 @kernel

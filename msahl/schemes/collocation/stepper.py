@@ -282,7 +282,7 @@ class AdaptiveStepper:
             "localTolerance": self.tolerance,
             "acceptedPairs": int(counts[step_control.ACCEPTED]),
             "rejectedPairs": int(counts[step_control.REFUSED]),
-            "stepMin": float(figures[step_control.SMALLEST]),
+            "stepMin": float(min(figures[step_control.SMALLEST], figures[step_control.WIDEST])),
             "stepMax": float(figures[step_control.WIDEST]),
             "degrees": self.chosen,
         }

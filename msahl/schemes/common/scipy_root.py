@@ -20,9 +20,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.optimize import root
 
 from msahl.elements.frames import first_multiplier
+from msahl.schemes.common import hybrid_method
 from msahl.schemes.common.criteria import is_implausible
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, Outcome
@@ -113,14 +113,13 @@ def find_root(step: StepEquations, z: np.ndarray, f: np.ndarray) -> np.ndarray:
     unit = max(np.abs(z).max(), np.abs(f).max())
     # Distant trial points may overflow; their residual is infinite and they are rejected.
     with np.errstate(all="ignore"):
-        found = root(
+        found = hybrid_method.find_root(
             lambda y: step.residual(z + unit * y) / unit,
+            lambda y: step.jacobian(z + unit * y),
             np.zeros(z.size),
-            jac=lambda y: step.jacobian(z + unit * y),
-            method="hybr",
-            options={"xtol": STEP_TOLERANCE},
+            STEP_TOLERANCE,
         )
-        result: np.ndarray = z + unit * found.x
+        result = z + unit * found
         polish(step, result)
     return result
 

@@ -90,7 +90,7 @@ def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: n
         put(Z, displacement_node(frames, b), restrict(frames, 0, axpy(h, v, scale(h2, a))))
         alpha = add(at(state.alpha, b), expected_change(state, state.alpha_trend, b))
         Q = axpy(h, W, scale(h2, alpha))
-        Q = of_angle(Q) if frames.exponential is not None else Q
+        Q = of_angle(Q) if frames.exponential else Q
         put(Z, rotation_node(frames, b), scale(frames.length[b], restrict(frames, 1, Q)))
     first = first_multiplier(frames)
     for k in range(state.force.shape[0]):
@@ -227,7 +227,7 @@ def _accept_frame(
     put(state.mean_w, b, scale(1.0 / h, Q))
     v0 = at(start.frames.v, b)
     v1 = add(v0, scale(per_step, axpy(-h, at(start.frames.v_go, b), u)))
-    theta = scale(angle_share(Q)[0], Q) if frames.exponential is not None else Q
+    theta = scale(angle_share(Q)[0], Q) if frames.exponential else Q
     gained_angle = axpy(-h, at(start.frames.W_go, b), theta)
     dw = scale(per_step, times(transpose(matrix_at(start.frames.R, b)), gained_angle))
     for i in range(3):

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,3 +155,35 @@ def test_a_rotation_and_its_quaternion():
         assert np.linalg.det(R) > 0
         assert np.allclose(R[:, 2], vector / np.linalg.norm(vector), rtol=0, atol=UNIT)
         assert np.allclose(rotation(quaternion(R)), R, rtol=0, atol=UNIT)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "glyphs"),
+    [
+        (3.0, 0.0, ("coil", "torsion")),
+        (0.0, 2.0, ("damper", "drum")),
+        (3.0, 2.0, ("strut", "torsion")),
+        (0.0, 0.0, ("coil", "torsion")),  # a constant force
+    ],
+)
+def test_a_damper_is_drawn_as_one(stiffness, damping, glyphs):
+    for deck, glyph in zip(("spring_damper", "torsional_spring"), glyphs, strict=True):
+        model = read_deck(ROOT / "decks" / "forces" / f"{deck}.xml")
+        spring = replace(model.loads[0], stiffness=stiffness, damping=damping)
+        (entry,) = build_scene(replace(model, loads=(spring,)))["springs"]
+        assert entry["glyph"] == glyph
+
+
+@pytest.mark.parametrize("deck", ["machines/quarter_car.xml", "forces/slide_spring.xml"])
+def test_a_spring_along_a_joint_has_a_length(deck):
+    """The points of the joint coincide at the start."""
+    scene = scene_of(deck)
+    (spring,) = scene["springs"]
+    ends = []
+    for side in ("a", "b"):
+        x, q = np.zeros(3), np.eye(3)
+        if spring[side] >= 0:
+            pose = scene["bodies"][spring[side]]["pose"]
+            x, q = np.array(pose[:3]), rotation(pose[3:])
+        ends.append(x + q @ spring[f"{side}Point"])
+    assert np.linalg.norm(ends[1] - ends[0]) >= 0.08 * scene["size"]

@@ -64,6 +64,8 @@ def test_the_motion_plays_and_its_paths_follow_the_mode(open_page, tmp_path):
     page = open_page(folder / "modes.html", viewport={"width": 1000, "height": 700})
     page.wait_for_selector("[data-state=ready]")
     assert page.evaluate("window.msahl.isPlaying")
+    # The page opens on the weave, not on the capsize mode, which is slower.
+    assert "damping ratio" in page.locator(".mode-facts").inner_text()
     before = page.evaluate("window.msahl.time")
     wait_until(page, f"window.msahl.time !== {before!r}")
     page.keyboard.press("t")

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ import msahl.run.loop
 from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.model import ConcentratedLoad, Joint, Options
+from msahl.model import ConcentratedLoad, Joint, Options, SpringDamper
+from msahl.run.conclusion import longest_step
 from tests.run.test_resume import advance, bits, in_two_parts
 from tests.support.closed_forms import recognise
 from tests.support.models import DECKS, GROUND, body, build_model, deck, simulate
@@ -150,6 +152,36 @@ def test_nothing_that_moves_takes_few_steps():
     ).report
     assert report.status == "completed"
     assert report.steps <= 60
+
+
+def hanging(damping, preload):
+    """A body at rest on a spring of 100 N/m, 2 m below where it is attached."""
+    bob = body("Bob", position=(0.0, 0.0, -2.0))
+    free = 2.0 - (9.81 * bob.mass + preload) / 100.0
+    spring = SpringDamper("Spring", GROUND.name, bob.name, ZERO, ZERO, 100.0, damping, free)
+    down = ConcentratedLoad("Down", bob.name, ZERO, (0.0, 0.0, -preload), GROUND.name, ZERO,
+                            GROUND.name)  # fmt: skip
+    return build_model([bob], [], [spring, down], gravity=(0.0, 0.0, -9.81))
+
+
+@pytest.mark.parametrize(
+    ("damping", "preload", "tolerance"), [(5.0, 0.0, 1e-6), (0.0, 50.0, 1e-9), (5.0, 50.0, 1e-9)]
+)
+def test_works_of_a_body_at_rest_cost_no_steps(damping, preload, tolerance):
+    """Works and kinetic energy are both rounding errors there."""
+    model = adaptive(hanging(damping, preload), tolerance)
+    report = simulate(model, dt=0.01, t_final=2.0).report
+    assert report.status == "completed"
+    # Sizes treble from 0.01 s: some six pairs; with works over energy, 10^4 and more.
+    assert report.steps <= 30
+    assert report.verdict["word"] == "PASS", report.verdict["reasons"]
+
+
+def test_a_run_without_any_step_is_concluded():
+    """Where no pair is good, the first size tried is the longest step."""
+    setup = SimpleNamespace(output=SimpleNamespace(grid=SimpleNamespace(h=0.01)))
+    none = SimpleNamespace(step_control={"stepMax": 0.0})
+    assert longest_step(setup, none) == 0.01
 
 
 def test_the_command_asks_for_it(tmp_path):
