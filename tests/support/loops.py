@@ -78,9 +78,9 @@ def bennett(angle=1.0, twists=(np.pi / 6.0, 7.0 * np.pi / 18.0)):
     quotient = math.sin(0.5 * (beta + alpha)) / math.sin(0.5 * (beta - alpha))
     other = 2.0 * math.atan(quotient / math.tan(0.5 * angle))
     frames, R, point = [], np.eye(3), np.zeros(3)
-    for k, turn in enumerate((angle, other, -angle, -other)):
+    for k, about_z in enumerate((angle, other, -angle, -other)):
         frames.append(Frame(point, R))
-        R = R @ matrix((0.0, 0.0, 4.0 * math.tan(0.25 * turn)))
+        R = R @ matrix((0.0, 0.0, 4.0 * math.tan(0.25 * about_z)))
         point = point + lengths[k % 2] * R[:, 0]
         R = R @ matrix((4.0 * math.tan(0.25 * twists[k % 2]), 0.0, 0.0))
     assert np.allclose(point, 0.0, atol=1e-14)

@@ -26,7 +26,7 @@ those which change faster than the steps are damped in all schemes:
 
 with A_jl the integral from 0 to r_j of the Lagrange polynomial of r_l, E the polynomials through 0
 and the c_i, M those through the r_j, without the start, from which a fast state jumps. In radau the
-r_j are the c_i, and E = M = 1. In gauss m = s + 1: what E and M leave out is orthogonal to
+r_j are the c_i, and E = M = 1. In gauss m = s + 1: the error of both is orthogonal to
 polynomials of degree s - 1, so the order stays 2s. The midpoint element is the case s = 1, c = 1/2.
 
 (1) is solved here, by Newton's method to round-off, so the states are no unknowns of the step. The
