@@ -61,7 +61,7 @@ help:
 	@echo 'make error-table     compare error estimates with true errors and write docs/validation/error.md'
 	@echo 'make convergence     repeat the experiment on the convergence errors of the thesis'
 	@echo 'make docs            build the documentation site in $(SITE)'
-	@echo 'make examples        run all decks and draw their pictures for the documentation'
+	@echo 'make examples        run all decks for the pictures and motions of the documentation (needs Chromium)'
 	@echo 'make readme          make the moving picture and the report of the README (needs Chromium)'
 	@echo 'make web             build the JavaScript libraries of the pages again and compare them (needs node)'
 	@echo 'make clean           remove results and build products, but keep .venv'
@@ -173,8 +173,9 @@ docs: .venv/documented
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo 'site: $(SITE)/index.html'
 
-examples: .venv/documented
+examples: .venv/documented .venv/tested
 	$(BIN)/python -m tools.docs.pictures
+	$(BIN)/python -m tools.docs.gallery
 
 readme: .venv/tested
 	$(BIN)/python -m tools.docs.moving_picture

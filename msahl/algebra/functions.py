@@ -86,6 +86,15 @@ def build_laws(laws: Sequence[Law]) -> Laws:
     )
 
 
+def joined(laws: Laws, more: Laws) -> Laws:
+    """Return ``laws`` and after them ``more``, for their values and pieces."""
+    return laws._replace(
+        kind=np.append(laws.kind, more.kind),
+        first=np.append(laws.first, more.first[1:] + laws.first[-1]),
+        numbers=np.append(laws.numbers, more.numbers),
+    )
+
+
 def continue_past(laws: Laws, law: int, end: float) -> None:
     """Let a table or ramp over time that ends where a run does, up to round-off, go on past the
     ``end``: the last step is before it, and its end has the slope of the last piece.

@@ -5,10 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msahl.analysis.inverse.columns import in_si
 from msahl.analysis.inverse.load_lines import lines
 from msahl.analysis.inverse.run_error import run_error
 from msahl.analysis.inverse.run_tables import about, drive_columns, drive_rows, report, tables
@@ -80,25 +82,27 @@ def loads_of(
     weights: Mapping[str, float] | None = None,
     smooth: float = 0.0,
     companion: Any = None,
+    columns: Mapping[str, str] = MappingProxyType({}),
 ) -> InverseResult:
     """Return the loads of the ``motion`` of the model that a ``job`` would run: a path, a result, a
-    pandas frame or columns by name. Raises ``InverseError``, ``StartError`` or ``ResultError``.
+    pandas frame or columns by name; ``columns`` are those of tables by what they are, such as
+    ``{"q1": "Shaft.angle:deg"}``. Raises ``InverseError``, ``StartError`` or ``ResultError``.
     """
     began, model = time.perf_counter(), job.model
-    given = read(motion, model, "motion")
+    given = read(motion, model, "motion", columns)
     solution = inverse(model, given, loads, weights, smooth)
     if companion is None:
         solution = with_run_error(solution)
     else:
-        other = inverse(model, read(companion, model, "companion"), loads, weights, smooth)
+        other = inverse(model, read(companion, model, "companion", columns), loads, weights, smooth)
         solution = compared(solution, other)
     return InverseResult(_job(job, given), solution, time.perf_counter() - began)
 
 
-def read(motion: Any, model: Model, name: str) -> GivenMotion:
-    """Return the motion in a file, folder, result or table."""
+def read(motion: Any, model: Model, name: str, mapping: Mapping[str, str]) -> GivenMotion:
+    """Return the motion in a file, folder, result or table, with the ``mapping`` of columns."""
     if isinstance(motion, str | PathLike):
-        return read_motion(Path(fspath(motion)), model)
+        return read_motion(Path(fspath(motion)), model, mapping)
     if isinstance(motion, Result):
         columns, parts = motion.columns(STATES), [motion.array(STATES)]
         if ACCELERATIONS in motion.tables:
@@ -108,7 +112,7 @@ def read(motion: Any, model: Model, name: str) -> GivenMotion:
         return replace(given, error=run_error(motion.report))
     columns = [str(column) for column in motion]
     numbers = np.stack([np.asarray(motion[column], dtype=float) for column in motion], axis=1)
-    return motion_of_table(columns, numbers, model, name)
+    return motion_of_table(*in_si(columns, numbers, mapping, name), model, name)
 
 
 def _job(job: Job, motion: GivenMotion) -> Job:

@@ -6,6 +6,7 @@ from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Unpack
 
 from msahl.api.html import html_table
@@ -125,16 +126,18 @@ class Model:
         weights: Mapping[str, float] | None = None,
         smooth: float = 0.0,
         companion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any] | None" = None,
+        columns: Mapping[str, str] = MappingProxyType({}),
     ) -> "InverseResult":
         """Return the loads of actuators that produce a ``motion``: a result, a table, or the path
-        of a table or of a run's folder.
+        of a table or of a run's folder. ``columns`` says what columns of tables are, and their
+        units: ``{"q1": "Shaft.angle:deg"}``.
 
         The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
         ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
         """
         from msahl.api.inverse import loads_of
 
-        return loads_of(self.job(), motion, loads, weights, smooth, companion)
+        return loads_of(self.job(), motion, loads, weights, smooth, companion, columns)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
@@ -208,7 +211,8 @@ class Model:
     ) -> "Modes":
         """Return eigenvalues, frequencies, damping ratios and mode shapes, linearised at a time
         [s], after a run to it, or at the ``"equilibrium"``; the options are those of ``msahl
-        modes``. Raises ``StartError`` if there is no such configuration.
+        modes``. Raises ``StartError`` if there is no such configuration, ``OptionError`` if an
+        argument has no meaning.
         """
         from msahl.analysis.modes.following import Request
         from msahl.api.modes import modes_of

@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from msahl.cli.compiling import announced
 from msahl.cli.console import say, stop
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, run_options
@@ -29,6 +28,7 @@ def compile_(decks: tuple[Path, ...], everything: bool, **given: Any) -> None:
     if not decks and not everything:
         stop("msahl compile: give at least one DECK, or --all")
     from msahl.cli.kernels import calls_of_run, compile_everything
+    from msahl.jit.announced import announced
     from msahl.jit.compiled import prepare, trouble
     from msahl.jit.progress import CompileError
     from msahl.run.options import options_beside_deck

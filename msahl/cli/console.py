@@ -1,16 +1,17 @@
 """What all commands share: exit statuses, and messages to stderr."""
 
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from msahl.printable import printable, shown_path
+from msahl import terminal
+from msahl.printable import printable
 from msahl.terminal import echo
 
-BAD_VERDICT, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 1, 2, 3, 4, 130
+BAD_VERDICT, NOT_CONVERGED, INTERRUPTED = 1, 3, 130
+BAD_INPUT, NOT_WRITTEN = terminal.BAD_INPUT, terminal.NOT_WRITTEN
 STATUS = {
     "completed": 0,
     "not started": BAD_INPUT,
@@ -21,17 +22,8 @@ STATUS = {
 """Exit status of a run by how it ended; 143 instead of 130 if it was terminated."""
 
 
+say = terminal.say
 OTHER_FOLDER = "choose another folder with -o"
-
-
-def say(message: str) -> None:
-    """Write to stderr, if it is still read: the results of a run do not depend on that."""
-    try:
-        echo(message, err=True)
-    except OSError:
-        # What is left in the buffer would fail again when Python ends, and change the exit status.
-        with suppress(OSError), Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), sys.stderr.fileno())
 
 
 def stop(message: str, status: int = BAD_INPUT) -> NoReturn:
@@ -49,15 +41,13 @@ def print_report(lines: Callable[[], Iterable[str]], warnings: Iterable[str], qu
 
 
 @contextmanager
-def writing(path: Path, remedy: str = "", status: int = NOT_WRITTEN) -> Iterator[None]:
-    """Report files of the results at ``path`` that cannot be written, with a ``remedy``, and end
-    the program with this exit ``status``; likewise a folder that must not be written into.
+def writing(path: Path, remedy: str = "") -> Iterator[None]:
+    """Report what cannot be written, as ``terminal.writing`` does; likewise a folder that must not
+    be written into, which is a fault of the input.
     """
     try:
-        yield
-    except OSError as error:
-        fault = f"{shown_path(error.filename or path)}: {error.strerror or error}"
-        stop(f"{fault}; {remedy}" if remedy else fault, status)
+        with terminal.writing(path, remedy):
+            yield
     except _refusals() as error:
         stop(printable(str(error)))
 
@@ -68,17 +58,3 @@ def _refusals() -> tuple[type[Exception], ...]:
     from msahl.results.lock import FolderInUseError
 
     return FolderError, FolderInUseError
-
-
-def open_standard_streams() -> None:
-    """Open what is closed of stdin, stdout and stderr: otherwise a table would get its descriptor,
-    and messages would be written into the table.
-    """
-    while True:
-        descriptor = os.open(os.devnull, os.O_RDWR)
-        if descriptor > 2:
-            break
-    os.close(descriptor)
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115

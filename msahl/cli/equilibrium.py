@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msahl.cli.compiling import announced, computing
+from msahl.cli.compiling import computing
 from msahl.cli.console import NOT_CONVERGED, print_report, say, stop, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
@@ -144,6 +144,7 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
     from msahl.analysis.equilibria.equilibrium import search_start
     from msahl.analysis.equilibria.load_path import Path as LoadPath
     from msahl.analysis.equilibria.load_path_tables import lines, tables
+    from msahl.jit.announced import announced
     from msahl.jit.progress import CompileError
     from msahl.results.write import write_tables
     from msahl.start.velocities import StartError

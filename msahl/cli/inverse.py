@@ -32,12 +32,21 @@ TABLE = click.Path(path_type=Path)
     "states.csv, or in this folder of a run.",
 )
 @click.option(
+    "--map",
+    "columns",
+    multiple=True,
+    metavar="COLUMN=COORDINATE:UNIT",
+    help="Take a column of the table as this coordinate in this unit, such as q1=Elbow.angle:deg; "
+    "several separated by commas, or repeated (default: columns are named as those of a run, with "
+    "their unit behind them if it is not SI: 'Elbow.angle [deg]').",
+)
+@click.option(
     "--loads",
     multiple=True,
     metavar="NAME,NAME",
     help="Compute the loads of these drives: actuators and prescribed motions of the deck by name, "
     "or ideal motors at coordinates of joints, such as Elbow.angle; may be repeated (default: all "
-    "actuators and prescribed motions).",
+    "actuators and prescribed motions, or, without any, motors at the coordinates of the table).",
 )
 @click.option(
     "--weight",
@@ -100,12 +109,14 @@ def _result(
 ) -> "InverseResult":
     """Return the loads; faults end the program."""
     job = job_of(deck, {}, settings)
+    from msahl.analysis.inverse.columns import mapping_of
     from msahl.api.inverse import loads_of
 
     names = [name.strip() for text in wanted["loads"] for name in text.split(",") if name.strip()]
     weights, noise = _weights(wanted["weights"]), wanted["smooth"] or 0.0
     with computing(deck, quiet):
-        return loads_of(job, motion, names, weights, noise, wanted["companion"])
+        columns = mapping_of(wanted["columns"])
+        return loads_of(job, motion, names, weights, noise, wanted["companion"], columns)
 
 
 def _weights(texts: tuple[str, ...]) -> dict[str, float]:

@@ -14,6 +14,7 @@ from msahl.cli.console import INTERRUPTED, OTHER_FOLDER, STATUS, say, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
 from msahl.printable import printable, shown_path
+from msahl.terminal import SparseLines
 
 if TYPE_CHECKING:
     from msahl.results.job import Job
@@ -127,9 +128,13 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool) -> None:
 
 @contextmanager
 def _progress(end: float, shown: bool) -> Iterator[Callable[[float], Any]]:
-    """A progress bar of the time on a terminal, nothing elsewhere."""
-    if not shown or not sys.stderr.isatty():
+    """A progress bar of the time on a terminal, a few lines elsewhere."""
+    if not shown:
         yield lambda t: None
+        return
+    if not sys.stderr.isatty():
+        lines = SparseLines()
+        yield lambda t: lines.show(t / end, f"kinematics: t = {t:.4g} of {end:g} s")
         return
     bar: Any = click.progressbar(length=1000, label="kinematics", file=sys.stderr)
     with bar:

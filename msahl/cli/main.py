@@ -11,8 +11,9 @@ from typing import Any
 
 import click
 
-from msahl.cli.console import INTERRUPTED, open_standard_streams, say
+from msahl.cli.console import INTERRUPTED, say
 from msahl.subprocesses import use_one_thread
+from msahl.terminal import Program
 from msahl.version import VERSION
 
 COMMANDS = (
@@ -24,13 +25,8 @@ DENSE = ("linearize", "modes")
 """Commands that solve dense eigenvalue problems, in as many threads as there are cores."""
 
 
-class Commands(click.Group):
+class Commands(Program):
     """The group; it loads the module of a command when the command is asked for."""
-
-    def main(self, *args: Any, **settings: Any) -> Any:
-        """Enter the program."""
-        open_standard_streams()
-        return super().main(*args, **settings)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; if it is interrupted, say so and exit with the status of that."""
@@ -56,7 +52,7 @@ class Commands(click.Group):
         return command
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("msahl", cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="msahl")
 def main() -> None:
     """Simulate spatial multibody systems and estimate the error of the results.

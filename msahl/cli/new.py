@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from msahl.cli.console import stop
+from msahl.cli.console import stop, writing
 from msahl.printable import shown_path
 from msahl.resources import folder
 from msahl.terminal import echo
@@ -97,11 +97,10 @@ def new(name: str, output: str | None) -> None:
         click.echo(new_deck(name), nl=False)
         return
     path = Path(output or f"{name}.xml")
-    try:
-        with path.open("x", encoding="utf-8") as stream:
-            stream.write(new_deck(name))
-    except FileExistsError:
-        stop(f"{shown_path(path)} exists; choose another file with -o")
-    except OSError as error:
-        stop(f"{shown_path(path)}: {error.strerror or error}; choose another file with -o")
+    with writing(path, "choose another file with -o"):
+        try:
+            with path.open("x", encoding="utf-8") as stream:
+                stream.write(new_deck(name))
+        except FileExistsError:
+            stop(f"{shown_path(path)} exists; choose another file with -o")
     echo(f"{shown_path(path)}: next, msahl run {shown_path(path)}", err=True)

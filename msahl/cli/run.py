@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.command_line import typed_command
-from msahl.cli.compiling import announced
 from msahl.cli.console import (
-    BAD_INPUT,
     BAD_VERDICT,
     NOT_CONVERGED,
     NOT_WRITTEN,
@@ -28,6 +26,7 @@ from msahl.cli.decks import job_to_run
 from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.printable import printable, shown_path
+from msahl.terminal import SparseLines
 
 if TYPE_CHECKING:
     from msahl.cli.gradients import GradientsOfRun
@@ -107,7 +106,7 @@ def run(
     if resume and not folder.is_dir():
         stop(f"{shown_path(folder)}: no run to resume; omit --resume to start it")
     try:
-        with writing(folder, OTHER_FOLDER, BAD_INPUT), locked(folder):
+        with writing(folder, OTHER_FOLDER), locked(folder):
             status = RunCommand(job, folder, resume, strict, quiet, verbose, gradients).carry_out()
     except (CompileError, ResumeError) as error:
         stop(printable(str(error)))
@@ -215,6 +214,8 @@ class RunCommand:
             results.flush()
             write_checkpoint(work, self.about, Checkpoint(results.ends(), snapshot))
 
+        from msahl.jit.announced import announced
+
         job, gradients = self.job, self.gradients
         ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
         results = session.begin(work, job.model, job.text, self.about, ends)
@@ -273,13 +274,17 @@ class RunCommand:
 
     @contextmanager
     def _progress(self) -> Iterator[Callable[[int, float], Any]]:
-        """A progress bar of steps and simulated time on a terminal, nothing elsewhere."""
-        if self.quiet or not sys.stderr.isatty():
+        """A progress bar of steps and simulated time on a terminal, a few lines elsewhere."""
+        if self.quiet:
             yield lambda steps, t: None
             return
         from msahl.run.time_grid import TimeGrid
 
         simulation = self.job.model.simulation
+        if not sys.stderr.isatty():
+            lines, end = SparseLines(), simulation.t_final
+            yield lambda steps, t: lines.show(t / end, f"{self.deck}: t = {t:.4g} of {end:g} s")
+            return
         bar: Any = click.progressbar(
             length=TimeGrid.of_steps(simulation).n,
             label=simulation.title or "running",

@@ -70,7 +70,7 @@ def show(
     if not deck.exists():
         stop("\n".join(map(str, page.faults)))
     path = output or Path("results") / f"{deck.stem}.html"
-    with writing(path, status=BAD_INPUT):
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, page.html.encode())
     _tell(deck, page)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.console import BAD_INPUT, NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
+from msahl.cli.console import NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, set_option
@@ -91,7 +91,7 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
         return
     folder = output or Path("studies") / deck.stem
     try:
-        with writing(folder, SPACE, BAD_INPUT):
+        with writing(folder, SPACE):
             plan = _plan(deck, given)
             folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
             result, stopped = _carry_out(plan, deck, given, entered)
@@ -228,6 +228,7 @@ def _shown(
     """Functions that report finished curves and each run: a progress bar of the time on a
     terminal, elsewhere lines.
     """
+    from msahl.jit.announced import ProgressLines
     from msahl.jit.compiled import STOPWATCH, working_clock
 
     def tell(line: str) -> None:
@@ -242,6 +243,7 @@ def _shown(
     STOPWATCH.tell = compiling
     try:
         if not sys.stderr.isatty():
+            STOPWATCH.listen = ProgressLines()
             yield tell, lambda words: None
             return
         bar: Any = click.progressbar(
@@ -258,4 +260,4 @@ def _shown(
         with bar:
             yield lambda line: None, progress
     finally:
-        STOPWATCH.tell = lambda: None
+        STOPWATCH.tell, STOPWATCH.listen = (lambda: None), (lambda progress: None)

@@ -115,10 +115,9 @@ def sweep(deck: Path, output: Path | None, **given: Any) -> None:
     request = Request(deck, output or Path("sweeps") / deck.stem, given)
     from msahl.deck import DeckError
     from msahl.jit.progress import CompileError
-    from msahl.sweep.faults import ClusterError, PlanError
+    from msahl.sweep.faults import ClusterError, PlanError, StoreError
     from msahl.sweep.points import ChangedError, NotWrittenError
     from msahl.sweep.pool import PoolError
-    from msahl.sweep.store import StoreError
 
     try:
         sys.exit(carry_out(request))
@@ -198,9 +197,9 @@ class Request:
 
     def sweep(self) -> "Sweep":
         """The sweep; raises ``PlanError``."""
+        from msahl.sweep.journal import journal_of_shard
         from msahl.sweep.measures import parse_measures
         from msahl.sweep.points import Job
-        from msahl.sweep.store import journal_of_shard
         from msahl.sweep.sweep import Sweep
         from msahl.sweep.work import parse_on_fail, parse_shard
 

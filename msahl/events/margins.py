@@ -7,14 +7,19 @@ An event is that a scalar y of the motion reaches a level:
     RATE         y is its rate                                              [m/s or rad/s]
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
-may be one. An event counts in one ``direction`` (1: y rises, -1: y falls) or in both (0). What
-follows is its ``action``:
+may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
+counts in one ``direction`` (1: y rises, -1: y falls) or in both (0). What follows is its
+``action``:
 
     END     the run ends there
     SPLIT   the step ends there, and the next one begins: a law is not smooth there
 
 A margin that is at a level, to within ``near`` times the size of its piece or level, is free to
-leave to either side: so a step can begin at an event. With ``near`` 0 it never is.
+leave to either side: so a step can begin at an event. With ``near`` 0 it never is. The margin of a
+switch that is held has its range on the side where it is held.
+
+What changes at times that are known before the motion is (``expressions.known_times``) has no
+margin: steps end there, and each switch holds its value between them.
 """
 
 import math
@@ -25,6 +30,15 @@ import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
 from msahl.elements.constraints import scalar
+from msahl.events.expressions import (
+    NO_TIMES,
+    all_laws,
+    known_to,
+    places_in_motion,
+    with_fast_inputs,
+)
+from msahl.expressions.known_times import KnownTimes
+from msahl.expressions.tape import FREE, SIGN
 from msahl.jit.kernel import apart, kernel
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace
@@ -39,6 +53,15 @@ AT_ENDS = 1e-6
 steps do not end for what happens in so small a part at their ends."""
 
 
+class Span(NamedTuple):
+    """The time of a run: its ``end`` [s], and for the companion of one with given steps the size of
+    these, in which it resolves inputs that change fast.
+    """
+
+    end: float
+    step: float = 0.0
+
+
 class Margin(NamedTuple):
     """One margin; see the top of this module."""
 
@@ -50,6 +73,10 @@ class Margin(NamedTuple):
     origin: float = 0.0
     level: float = 0.0
     near: float = 0.0
+    switch: int = -1  # of an expression
+    integers: bool = False  # whether the levels of the switch are all integers
+    least: float = 0.0  # what the switch is below its level; above it is 1
+    jumps: bool = False  # whether an expression may jump there
 
 
 class Margins(NamedTuple):
@@ -63,30 +90,42 @@ class Margins(NamedTuple):
     origin: np.ndarray  # (m,)
     level: np.ndarray  # (m,)
     near: np.ndarray  # (m,)
+    switch: np.ndarray  # (m,) or -1
+    integers: np.ndarray  # (m,)
+    least: np.ndarray  # (m,)
+    jumps: np.ndarray  # (m,)
+    laws: Laws  # those of the system, and tables of expressions
+    held: np.ndarray  # (s,) of the tape: held values of its switches
+    known: KnownTimes
     has_expressions: bool
     coordinate: np.ndarray  # (q,) all coordinates, if margins depend on them
     rate: np.ndarray  # (q,) their rates
 
 
-def build_margins(system: System, splits: bool) -> Margins | None:
-    """Return the margins that the elements of a ``system`` have, those of breakpoints only if they
-    ``split`` steps; None if there are none.
+def build_margins(system: System, order: int, span: Span) -> Margins | None:
+    """Return the margins that the elements of a ``system`` have in steps of an ``order``; None if
+    there is nothing to be examined.
+
+    Steps of order 2 keep it where a force has a kink, and do not end there.
     """
-    found = [*_of_stops(system), *(_of_breakpoints(system) if splits else ())]
-    if not found:
+    signals = system.forces.signals
+    found = [*_of_stops(system), *_of_expressions(system, jumps_only=order <= 2)]
+    found += _of_breakpoints(system) if order > 2 else ()
+    known = known_to(signals, span.end)
+    if span.step > 0.0:
+        known = with_fast_inputs(signals, known, span.step, span.end)
+    if not found and known is None:
         return None
     kinds, count = {margin.kind for margin in found}, 0
-    if system.scalar is not None and kinds != {EXPRESSION}:
+    if system.scalar is not None and kinds - {EXPRESSION}:
         count = system.scalar.coordinates.kind.size
+    columns = (np.array(column) for column in zip(*found, strict=True))
+    empty = (np.zeros(0, dtype=type(default)) for default in Margin(0, 0, 0))
     return Margins(
-        kind=np.array([margin.kind for margin in found]),
-        item=np.array([margin.item for margin in found]),
-        action=np.array([margin.action for margin in found]),
-        direction=np.array([margin.direction for margin in found]),
-        law=np.array([margin.law for margin in found]),
-        origin=np.array([margin.origin for margin in found]),
-        level=np.array([margin.level for margin in found]),
-        near=np.array([margin.near for margin in found]),
+        *(columns if found else empty),
+        laws=all_laws(signals, system.laws),
+        held=np.zeros(0) if signals is None else signals.tape.held,
+        known=known or NO_TIMES,
         has_expressions=EXPRESSION in kinds,
         coordinate=np.zeros(count),
         rate=np.zeros(count),
@@ -97,6 +136,26 @@ def _of_stops(system: System) -> Iterator[Margin]:
     """Yield the margins of the conditions that end the run."""
     for place in forces.places_of_stops(system.forces):
         yield Margin(EXPRESSION, place, END, direction=1)
+
+
+def _of_expressions(system: System, jumps_only: bool) -> Iterator[Margin]:
+    """Yield the margins of switches and tables in expressions of the motion."""
+    signals, first = system.forces.signals, system.laws.kind.size
+    for place in [] if signals is None else places_in_motion(signals):
+        margin = Margin(EXPRESSION, place.place, SPLIT, near=NEAR)
+        if place.switch >= 0:
+            tape, k = signals.tape, place.switch
+            signed = tape.op[tape.switches.free[k] - tape.constant.size - tape.inputs] == SIGN
+            margin = margin._replace(
+                switch=k,
+                integers=bool(tape.switches.integers[k]),
+                least=-1.0 if signed else 0.0,
+                jumps=bool(tape.switches.jumps[k]),
+            )
+        else:
+            margin = margin._replace(law=first + place.law)
+        if margin.jumps or not jumps_only:
+            yield margin
 
 
 def _of_breakpoints(system: System) -> Iterator[Margin]:
@@ -149,16 +208,76 @@ def set_values(margins: Margins, system: System, start: SystemWorkspace, value: 
 
 
 @kernel
-def levels_around(margins: Margins, laws: Laws, k: int, y: float) -> tuple[float, float, float]:
+def next_known(known: KnownTimes, t: float, near: float) -> int:
+    """Return the number of known times up to ``t`` [s], and ``near`` after it."""
+    return int(np.searchsorted(known.time, t + near, side="right"))
+
+
+@kernel
+def hold_known(margins: Margins, t: float, near: float) -> bool:
+    """Hold the switches that depend on the time alone at what they are from ``t`` [s] on; return
+    whether one has changed.
+    """
+    known, changed = margins.known, False
+    if known.switch.size == 0:
+        return False
+    row = next_known(known, t, near)
+    for j in range(known.switch.size):
+        s, side = known.switch[j], known.side[row, j]
+        changed = changed or margins.held[s] != side
+        margins.held[s] = side
+    return changed
+
+
+@kernel
+def side_of(margins: Margins, k: int, y: float) -> float:
+    """Return what the switch of margin ``k`` is at ``y``; free at a level."""
+    if margins.integers[k]:
+        side = float(np.floor(y))
+        return FREE if side == y else side
+    if y == 0.0:
+        return FREE
+    return 1.0 if y > 0.0 else margins.least[k]
+
+
+@kernel
+def other_side(margins: Margins, k: int, level: float) -> float:
+    """Return what the switch of margin ``k`` is beyond a ``level``."""
+    held = margins.held[margins.switch[k]]
+    if margins.integers[k]:
+        return held + 1.0 if level > held else held - 1.0
+    return margins.least[k] if held > 0.0 else 1.0
+
+
+@kernel
+def is_held(margins: Margins, k: int) -> bool:
+    """Whether margin ``k`` belongs to a switch that is held."""
+    return margins.switch[k] >= 0 and margins.held[margins.switch[k]] != FREE
+
+
+@kernel
+def held_range(margins: Margins, k: int) -> tuple[float, float]:
+    """Return the levels between which a switch has the held value."""
+    held = margins.held[margins.switch[k]]
+    if margins.integers[k]:
+        return held, held + 1.0
+    return (0.0, math.inf) if held > 0.0 else (-math.inf, 0.0)
+
+
+@kernel
+def levels_around(margins: Margins, k: int, y: float) -> tuple[float, float, float]:
     """Return the levels of margin ``k`` below and above ``y``, and the size of what lies between
     them, of which ``near`` is a fraction.
     """
     law, level, origin = margins.law[k], margins.level[k], margins.origin[k]
     size = level
     if law >= 0:
-        low, high = piece_of(laws, law, y - origin)
+        low, high = piece_of(margins.laws, law, y - origin)
         size = high - low if high - low < math.inf else 1.0
         low, high = low + origin, high + origin
+    elif margins.integers[k]:
+        size, low = 1.0, float(np.floor(y))
+        high = low + 1.0
     elif y < -level:
         low, high = -math.inf, -level
     elif y > level:
@@ -173,14 +292,15 @@ def levels_around(margins: Margins, laws: Laws, k: int, y: float) -> tuple[float
 
 
 @kernel
-def free_range(
-    margins: Margins, laws: Laws, k: int, y: float, change: float
-) -> tuple[float, float, float]:
+def free_range(margins: Margins, k: int, y: float, change: float) -> tuple[float, float, float]:
     """Return between which levels margin ``k`` may move from ``y`` without an event, and by how
     much it may pass them; infinite ones if it is at a level. ``change`` is what it moves by in the
     step.
     """
-    low, high, size = levels_around(margins, laws, k, y)
+    if is_held(margins, k):
+        low, high = held_range(margins, k)
+        return low, high, AT_ENDS * change
+    low, high, size = levels_around(margins, k, y)
     slack = 0.0
     if margins.near[k] > 0.0:
         slack = margins.near[k] * size + AT_ENDS * change

@@ -26,6 +26,7 @@ class Event(NamedTuple):
     after: float  # time at which the margin is beyond the level
     level: float
     rate: float  # of the margin
+    at_start: bool = False  # whether the margin leaves its range at once
 
 
 def time_of_zero(

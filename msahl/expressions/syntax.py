@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
-from typing import NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 MAX_LENGTH = 10_000
 """Characters of an expression."""
@@ -99,8 +99,28 @@ class Name:
     column: int = field(default=1, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+class _Operation:
+    """What ``Call`` and ``Lookup`` share: they are compared, hashed, shown and pickled without
+    recursion, because a sum may have more terms than Python's stack has places."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Operation) and _flat(self) == _flat(other)
+
+    def __hash__(self) -> int:
+        return hash(_flat(self))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}{_flat(self)!r}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        tree: Any = self
+        return _rebuilt, (_flat(tree), [node.column for node in postorder(tree)])
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Call(_Operation):
     """An operation: ``function`` is a key of ``FUNCTIONS`` or ``BINARY``, "not" or "negate".
 
     The number of ``arguments`` is that of the function. A condition is true unless it is zero;
@@ -112,8 +132,8 @@ class Call:
     column: int = field(default=1, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Lookup:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Lookup(_Operation):
     """The value of the table called ``table`` at one or two ``arguments``."""
 
     table: str
@@ -122,6 +142,31 @@ class Lookup:
 
 
 Tree: TypeAlias = Number | Name | Call | Lookup
+
+
+def _flat(tree: Any) -> tuple[Any, ...]:
+    """Return the numbers, names and operations of a tree, each after its arguments; an operation as
+    its name, the number of its arguments, and whether it is a table."""
+    return tuple(
+        (node.function, len(node.arguments), False) if isinstance(node, Call)
+        else (node.table, len(node.arguments), True) if isinstance(node, Lookup)
+        else node
+        for node in postorder(tree)
+    )  # fmt: skip
+
+
+def _rebuilt(flat: tuple[Any, ...], columns: list[int]) -> Tree:
+    """Return the tree of which ``_flat`` is known, and the column of each record."""
+    found: list[Tree] = []
+    for node, column in zip(flat, columns, strict=True):
+        if not isinstance(node, tuple):
+            found.append(node)
+            continue
+        name, count, is_table = node
+        arguments = tuple(found[len(found) - count :])
+        del found[len(found) - count :]
+        found.append((Lookup if is_table else Call)(name, arguments, column))
+    return found[0]
 
 
 class ExpressionError(ValueError):

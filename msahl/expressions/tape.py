@@ -15,10 +15,23 @@ the place where they change over) it is that of the branch taken. ``sqrt``, ``as
 then converges more slowly there. Values outside a function's domain are nan, and do no harm in a
 branch that is not taken. ``both`` and ``either`` are the smaller and the larger margin of two
 conditions (``expressions.conditions``).
+
+Where an expression changes its formula, the tape has a *switch*: a value that is constant between
+such places, and a *margin*, at whose level it changes:
+
+    expression                                      switch       margin         level
+    a < b, a <= b, a > b, a >= b                    0 or 1       b - a, a - b   0
+    min(a, b), max(a, b): which of both             0 or 1       b - a, a - b   0
+    sign(x), abs(x) = x sign(x)                     -1 or 1      x              0
+    floor(x), mod(x, y) = x - y floor(x/y)          floor        x, x/y         integers
+
+A step that is to be smooth holds its switches at the values that they have in it (``held``), also
+where the margin is beyond: then its formula goes on, and where the margin is at its level is found.
 """
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -31,11 +44,11 @@ from msahl.jit.kernel import apart, kernel
 
 UNARY = (
     *("negate", "not", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"),
-    *("exp", "log", "sqrt", "abs", "sign", "floor"),
+    *("exp", "log", "sqrt", "sign", "floor"),
 )
 BINARY = (
     *("+", "-", "*", "/", "^", "<", "<=", ">", ">=", "==", "!=", "and", "or"),
-    *("atan2", "min", "max", "hypot", "mod", "both", "either"),
+    *("atan2", "hypot", "both", "either"),
 )
 (
     NEGATE,
@@ -52,7 +65,6 @@ BINARY = (
     EXP,
     LOG,
     SQRT,
-    ABS,
     SIGN,
     FLOOR,
 ) = range(len(UNARY))
@@ -72,15 +84,16 @@ FIRST_BINARY = len(UNARY)
     AND,
     OR,
     ATAN2,
-    MIN,
-    MAX,
     HYPOT,
-    MOD,
     BOTH,
     EITHER,
 ) = range(FIRST_BINARY, FIRST_BINARY + len(BINARY))
-WHERE, CURVE, SURFACE = range(FIRST_BINARY + len(BINARY), FIRST_BINARY + len(BINARY) + 3)
-"""Choice between two values; tables of one and of two variables."""
+WHERE, CURVE, SURFACE, HELD = range(FIRST_BINARY + len(BINARY), FIRST_BINARY + len(BINARY) + 4)
+"""Choice between two values; tables of one and of two variables; which side a switch is on."""
+
+FREE = 9e99
+"""Value of ``Tape.held`` where a switch follows its argument. It is a number, so that differences
+of tapes are numbers, too."""
 
 CODES: Mapping[str, int] = {name: code for code, name in enumerate((*UNARY, *BINARY, "where"))}
 LARGEST_EXPONENT = 709.0
@@ -98,6 +111,17 @@ class Tape(NamedTuple):
     c: np.ndarray  # (m,) of a table its number
     laws: Laws  # tables of one variable
     surfaces: Surfaces  # tables of two
+    held: np.ndarray  # (s,) held values of the switches, or FREE
+    switches: "Switches"
+
+
+class Switches(NamedTuple):
+    """The switches of a tape, in the order of its operations; see the top of this module."""
+
+    margin: np.ndarray  # (s,) place of the margin
+    free: np.ndarray  # (s,) place of the switch's own value
+    integers: np.ndarray  # (s,) whether the levels of the margin are all integers
+    jumps: np.ndarray  # (s,) whether an expression may jump there; else it has a kink
 
 
 class Values(NamedTuple):
@@ -133,6 +157,16 @@ def build_tape(
     return builder.tape(), builder.places(parts)
 
 
+@dataclass(slots=True)
+class _Switch:
+    """A switch while the tape grows."""
+
+    margin: Part
+    free: Part
+    integers: bool
+    jumps: bool
+
+
 class _Builder:
     """A tape while it grows."""
 
@@ -140,17 +174,19 @@ class _Builder:
         self, inputs: Sequence[str], named: Mapping[str, Tree], tables: Mapping[str, Table]
     ) -> None:
         self._named, self._tables = named, tables
-        self._inputs = {name: ("input", i) for i, name in enumerate(inputs)}
+        self._inputs = len(inputs)
         self._constants: list[float] = []
         self._operations: list[tuple[int, Part, Part, Part | int]] = []
         self._known: dict[object, Part] = {}
-        self._values: dict[str, Part] = {}  # of named expressions
+        # Of inputs and of the named expressions met so far.
+        self._values: dict[str, Part] = {name: ("input", i) for i, name in enumerate(inputs)}
         self._curves: dict[str, int] = {}
         self._surfaces: dict[str, int] = {}
+        self._switches: list[_Switch] = []
 
     def add(self, tree: Tree) -> Part:
-        """Add the operations of a ``tree``; return where its value is. Without recursion, except
-        into named expressions.
+        """Add the operations of a ``tree``; return where its value is. Without recursion: trees and
+        chains of named expressions, may be deeper than Python's stack.
         """
         results: list[Part] = []
         waiting: list[tuple[Tree, bool]] = [(tree, False)]
@@ -158,11 +194,14 @@ class _Builder:
             node, ready = waiting.pop()
             if isinstance(node, Number):
                 results.append(self._constant(node.value))
-            elif isinstance(node, Name):
-                results.append(self._name(node.text))
+            elif isinstance(node, Name) and node.text in self._values:
+                results.append(self._values[node.text])
             elif not ready:
                 waiting.append((node, True))
-                waiting.extend((argument, False) for argument in reversed(node.arguments))
+                inside = (self._named[node.text],) if isinstance(node, Name) else node.arguments
+                waiting.extend((argument, False) for argument in reversed(inside))
+            elif isinstance(node, Name):
+                self._values[node.text] = results[-1]
             else:
                 count = len(node.arguments)
                 given = results[-count:]
@@ -170,13 +209,6 @@ class _Builder:
                 results.append(self._applied(node, given))
         (result,) = results
         return result
-
-    def _name(self, text: str) -> Part:
-        if text in self._inputs:
-            return self._inputs[text]
-        if text not in self._values:
-            self._values[text] = self.add(self._named[text])
-        return self._values[text]
 
     def _constant(self, value: float) -> Part:
         key = ("constant", value, math.copysign(1.0, value))
@@ -187,9 +219,7 @@ class _Builder:
 
     def _applied(self, node: Call | Lookup, given: list[Part]) -> Part:
         if isinstance(node, Call):
-            if node.function == "step":
-                return self._step(given)
-            return self._operation(CODES[node.function], given)
+            return self._call(node.function, given)
         table = self._tables[node.table]
         numbers = self._curves if isinstance(table, Law) else self._surfaces
         number = numbers.setdefault(node.table, len(numbers))
@@ -205,14 +235,66 @@ class _Builder:
             self._known[key] = ("operation", len(self._operations) - 1)
         return self._known[key]
 
+    def _call(self, function: str, given: list[Part]) -> Part:
+        """Add the operations of a function or an operator."""
+        if function == "step":
+            return self._step(given)
+        if function in ("min", "max"):
+            return self._chosen(function, *given)
+        if function in ("<", "<=", ">", ">="):
+            return self._compared(function, *given)
+        if function in ("sign", "abs"):
+            side = self._switch(self._does("sign", *given), given[0], jumps=function == "sign")
+            return side if function == "sign" else self._does("*", given[0], side)
+        if function in ("floor", "mod"):
+            x = given[0] if function == "floor" else self._does("/", *given)
+            integers = self._switch(self._does("floor", x), x, jumps=True, integers=True)
+            if function == "floor":
+                return integers
+            return self._does("-", given[0], self._does("*", given[1], integers))
+        return self._does(function, *given)
+
+    def _does(self, name: str, *parts: Part) -> Part:
+        return self._operation(CODES[name], parts)
+
+    def _compared(self, comparison: str, a: Part, b: Part) -> Part:
+        """Add a comparison, whose margin is positive where it holds."""
+        margin = self._does("-", *((a, b) if comparison in (">", ">=") else (b, a)))
+        return self._switch(self._does(comparison, a, b), margin, jumps=True)
+
+    def _chosen(self, function: str, a: Part, b: Part) -> Part:
+        """Add the smaller or the larger of two values: the first if they are equal, and one that is
+        no number before all others.
+        """
+        smaller = function == "min"
+        second = self._does("<" if smaller else ">", b, a)
+        if a[0] == "constant":
+            second = self._does("not", self._does(">=" if smaller else "<=", b, a))
+        elif b[0] != "constant":
+            second = self._does("or", second, self._does("!=", b, b))
+        margin = self._does("-", *((a, b) if smaller else (b, a)))
+        return self._operation(WHERE, (self._switch(second, margin, jumps=False), b, a))
+
+    def _switch(self, free: Part, margin: Part, jumps: bool, integers: bool = False) -> Part:
+        """Add a switch whose own value is ``free``, unless it is there already."""
+        key = (HELD, free)
+        if key not in self._known:
+            self._switches.append(_Switch(margin, free, integers, jumps))
+            self._operations.append((HELD, free, free, len(self._switches) - 1))
+            self._known[key] = ("operation", len(self._operations) - 1)
+        found = self._known[key]
+        switch = self._switches[self._operations[found[1]][3]]  # type: ignore[index]
+        switch.jumps = switch.jumps or jumps
+        return found
+
     def _step(self, given: list[Part]) -> Part:
         """Add the operations of ``step(x, x0, y0, x1, y1)``."""
         x, x0, y0, x1, y1 = given
+        number = self._constant
 
         def does(name: str, *parts: Part) -> Part:
-            return self._operation(CODES[name], parts)
+            return self._call(name, list(parts))
 
-        number = self._constant
         u = does("/", does("-", x, x0), does("-", x1, x0))
         u = does("min", does("max", u, number(0.0)), number(1.0))
         cube = does("*", does("*", u, u), u)
@@ -223,7 +305,7 @@ class _Builder:
     def places(self, parts: Sequence[Part]) -> np.ndarray:
         """(n,) places among the values."""
         inputs = len(self._constants)
-        first = {"constant": 0, "input": inputs, "operation": inputs + len(self._inputs)}
+        first = {"constant": 0, "input": inputs, "operation": inputs + self._inputs}
         return np.array([first[kind] + number for kind, number in parts], dtype=np.int64)
 
     def tape(self) -> Tape:
@@ -235,13 +317,20 @@ class _Builder:
         grids = [self._tables[name] for name in self._surfaces]
         return Tape(
             constant=np.array(self._constants, dtype=float),
-            inputs=len(self._inputs),
+            inputs=self._inputs,
             op=np.array([entry[0] for entry in self._operations], dtype=np.int64),
             a=a,
             b=b,
             c=np.array(c, dtype=np.int64),
             laws=build_laws([law for law in laws if isinstance(law, Law)]),
             surfaces=build_surfaces([grid for grid in grids if isinstance(grid, Surface)]),
+            held=np.full(len(self._switches), FREE),
+            switches=Switches(
+                margin=self.places([switch.margin for switch in self._switches]),
+                free=self.places([switch.free for switch in self._switches]),
+                integers=np.array([switch.integers for switch in self._switches], dtype=bool),
+                jumps=np.array([switch.jumps for switch in self._switches], dtype=bool),
+            ),
         )
 
 
@@ -274,6 +363,9 @@ def sweep(tape: Tape, values: Values) -> None:
             # A periodic table rounds its argument down, which needs a number.
             known = math.isfinite(x)
             value[first + i] = functions.evaluate(tape.laws, tape.c[i], x)[0] if known else math.nan
+        elif op == HELD:
+            held = tape.held[tape.c[i]]
+            value[first + i] = x if held == FREE else held
         else:
             y = value[tape.b[i]]
             value[first + i] = surfaces.evaluate(tape.surfaces, tape.c[i], x, y)[0]
@@ -302,7 +394,7 @@ def gradient(tape: Tape, values: Values, place: int) -> None:
         elif op == CURVE:
             if math.isfinite(value[a]):
                 adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
-        else:
+        elif op == SURFACE:
             _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], value[a], value[b])
             adjoint[a] += slope * by_a
             adjoint[b] += slope * by_b
@@ -367,8 +459,6 @@ def unary(op: int, x: float) -> float:
         return math.log(x) if x > 0.0 else (-math.inf if x == 0.0 else math.nan)
     if op == SQRT:
         return math.sqrt(x) if x >= 0.0 else math.nan
-    if op == ABS:
-        return abs(x)
     if op == SIGN:
         return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else x)
     return float(np.floor(x))
@@ -403,8 +493,6 @@ def unary_slope(op: int, x: float, result: float) -> float:
         return 1.0 / x if x > 0.0 else 0.0
     if op == SQRT:
         return 0.5 / result if result > 0.0 else 0.0
-    if op == ABS:
-        return unary(SIGN, x)
     return 0.0
 
 
@@ -423,11 +511,6 @@ def binary(op: int, x: float, y: float) -> float:
         return float(x**y)
     if op == ATAN2:
         return math.atan2(x, y)
-    # As Python's own: the first of two that are equal. A nan is never lost.
-    if op == MIN:
-        return y if y < x or y != y else x
-    if op == MAX:
-        return y if y > x or y != y else x
     # A condition that decides guards the one after it, as in 'x > 0 and log(x) > 1'.
     if op == BOTH:
         return y if y < x else x
@@ -435,8 +518,6 @@ def binary(op: int, x: float, y: float) -> float:
         return y if y > x else x
     if op == HYPOT:
         return math.hypot(x, y)
-    if op == MOD:
-        return float(x - y * np.floor(x / y))
     if op == AND:
         return 1.0 if x != 0.0 and y != 0.0 else 0.0
     if op == OR:
@@ -474,14 +555,12 @@ def binary_slopes(op: int, x: float, y: float, result: float) -> tuple[float, fl
     if op == ATAN2:
         square = x * x + y * y
         return (y / square, -x / square) if square > 0.0 else (0.0, 0.0)
-    if op in (MIN, BOTH):
+    if op == BOTH:
         return (0.0, 1.0) if y < x else (1.0, 0.0)
-    if op in (MAX, EITHER):
+    if op == EITHER:
         return (0.0, 1.0) if y > x else (1.0, 0.0)
     if op == HYPOT:
         return (x / result, y / result) if result > 0.0 else (0.0, 0.0)
-    if op == MOD:
-        return 1.0, -float(np.floor(x / y))
     return 0.0, 0.0
 
 

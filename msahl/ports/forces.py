@@ -737,6 +737,11 @@ def new_stretch(forces: Forces) -> np.ndarray:
     return np.zeros(forces.along.coordinate.size)
 
 
+def held_switches(forces: Forces) -> np.ndarray:
+    """Return the held values of switches of expressions, the tape's own array."""
+    return np.zeros(0) if forces.signals is None else forces.signals.tape.held
+
+
 def energy_columns(forces: Forces) -> int:
     """Return the number of columns of elastic energy in the table of work."""
     return len({*forces.along.energy_column.tolist()} - {-1})

@@ -1,7 +1,7 @@
 """Define the command ``msahl-post``: its group of subcommands and its exit status.
 
 Exit status: 0 success, 1 a comparison found a difference or a verdict is FAIL, 2 the input is not a
-run, cannot be compared, or the usage is wrong.
+run, cannot be compared, or the usage is wrong, 4 files or tables cannot be written.
 Each subcommand imports what it needs when it is called: tables do not load matplotlib.
 """
 
@@ -19,11 +19,11 @@ from msahl.post.commands.tables import constraints, energy, events, reactions, w
 from msahl.post.commands.verdict import verdict
 from msahl.post.commands.view import view
 from msahl.printable import printable
-from msahl.terminal import echo
+from msahl.terminal import Program, echo
 from msahl.version import VERSION
 
 
-class Commands(click.Group):
+class Commands(Program):
     """A group of commands that report a fault of their input in one line."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -48,12 +48,10 @@ def _input_fault(error: Exception) -> str:
     if isinstance(error, DeckError):
         more = f" (and {len(error.faults) - 1} more)" if len(error.faults) > 1 else ""
         return f"{error.faults[0]}{more}"
-    if isinstance(error, OSError) and error.filename:  # without one: a closed pipe, left to click
-        return f"{error.filename}: {error.strerror}"
     return str(error) if isinstance(error, ResultError) else ""
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("msahl-post", cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="msahl-post")
 def main() -> None:
     """Read the results of msahl: accuracy, verdicts, figures, reports and comparisons of runs.

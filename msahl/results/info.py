@@ -119,16 +119,16 @@ def read_info(folder: Path) -> dict[str, Any]:
         info: Any = orjson.loads(path.read_bytes())
     except ValueError as error:
         raise ResultError(f"{shown_path(path)}: not JSON: {error}; {AGAIN}") from error
-    faults = list(_faults(info, SHAPE, ""))
+    faults = list(shape_faults(info, SHAPE))
     if not faults and info.get("error") is not None:
-        faults += _faults(info["error"], ERROR, "error")
+        faults += shape_faults(info["error"], ERROR, "error")
     if faults:
         raise ResultError(f"{shown_path(path)}: {printable(faults[0])}; {AGAIN}")
     return dict(info)
 
 
-def _faults(value: Any, shape: Shape, place: str) -> Iterator[str]:
-    """The faults of a value at a ``place``, and of its parts."""
+def shape_faults(value: Any, shape: Shape, place: str = "") -> Iterator[str]:
+    """Yield the faults of a JSON value at a ``place`` of its file, and of its parts."""
     match shape:
         case Leaf(name, fits):
             if not fits(value):
@@ -139,14 +139,14 @@ def _faults(value: Any, shape: Shape, place: str) -> Iterator[str]:
                 return
             parts: Any = value
             for key in parts if container is dict else range(len(parts)):
-                yield from _faults(parts[key], of, f"{place}.{key}")
+                yield from shape_faults(parts[key], of, f"{place}.{key}")
         case Fields(of, required):
             if not isinstance(value, dict):
                 yield f"{place or 'the file'} is {_kind(value)}, not {_NAMES[dict]}"
                 return
             yield from (f"{place} has no {key}" for key in required if key not in value)
             for key in of.keys() & value.keys():
-                yield from _faults(value[key], of[key], f"{place}.{key}".lstrip("."))
+                yield from shape_faults(value[key], of[key], f"{place}.{key}".lstrip("."))
 
 
 _NAMES = {dict: "an object", list: "a list", str: "a text", type(None): "null"}

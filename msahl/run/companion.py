@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from msahl.model import Model, RunSettings
-from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.subsystem import CompanionIntegrator, SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import UNDIVIDED, Chunk, Parts
 
@@ -95,8 +95,9 @@ class HalfStepCompanion:
     ) -> None:
         self.means = settings.degree == 0 and not settings.instantaneous
         # Mean reactions need a row for either half of a step.
-        self.integrators = [
-            SubsystemIntegrator(
+        kind = SubsystemIntegrator if settings.adaptive else CompanionIntegrator
+        self.integrators: list[SubsystemIntegrator] = [
+            kind(
                 _with_given_steps(integrator.model, settings),
                 integrator.solver,
                 settings.full,
@@ -144,8 +145,8 @@ class HigherOrderCompanion:
     ) -> None:
         self.stride = coarser.stride
         self.name = f"{coarser.scheme}{coarser.degree} with {coarser.stride} times the step size"
-        self.integrators = [
-            SubsystemIntegrator(
+        self.integrators: list[SubsystemIntegrator] = [
+            CompanionIntegrator(
                 _with_scheme(integrator.model, coarser),
                 integrator.solver,
                 settings.full,

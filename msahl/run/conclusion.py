@@ -3,7 +3,7 @@
 import math
 
 from msahl.model.settings import OFF
-from msahl.run.messages import angles_uncertain
+from msahl.run.messages import angles_uncertain, slides
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
@@ -26,6 +26,9 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     _complete_estimate(setup, record, report)
     if setup.attempts and setup.estimate:
         setup.attempts.add(report, setup.estimate)
+    if not setup.settings.adaptive:
+        found = (slides(integrator, ends_run=False) for integrator in setup.integrators)
+        report.warnings += [message for message in found if message]
     rotation = _rotation_between_rows(setup, report)
     if rotation >= math.pi and counts_revolutions(setup.model):
         report.warnings.append(angles_uncertain(rotation))

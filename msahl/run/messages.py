@@ -9,7 +9,7 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.common.criteria import FAR
 from msahl.schemes.outcome import TOLERANCE, Outcome
 from msahl.system.names import describe_row
-from msahl.system.nonfinite import overflow
+from msahl.system.nonfinite import names_of_users, overflow
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of the operating system that mean that no more can be written."""
@@ -30,6 +30,8 @@ def step_failed(
     integrator: SubsystemIntegrator, step: int, t: float, h: float, outcome: Outcome
 ) -> str:
     """Why a subsystem could not take step number ``step`` of size ``h`` [s] from time ``t`` [s]."""
+    if integrator.stepper.sliding:
+        return str(slides(integrator, ends_run=True))
     name, smallest = integrator.find_nonfinite(h), integrator.stepper.smallest_tried(h)
     if np.isnan(outcome.residual):
         name = name or integrator.find_undefined(h)
@@ -54,6 +56,8 @@ def tolerance_not_met(
     integrator: SubsystemIntegrator, t: float, h: float, tolerance: float, outcome: Outcome
 ) -> str:
     """Why no step from time ``t`` [s] meets the local ``tolerance`` [m]."""
+    if integrator.stepper.sliding:
+        return str(slides(integrator, ends_run=True))
     tried = integrator.stepper.smallest_tried(h)
     name = integrator.find_nonfinite(tried)
     if name is None and np.isnan(outcome.residual):
@@ -67,6 +71,25 @@ def tolerance_not_met(
     return (
         f"no step from t = {t:g} s, down to {tried:.3g} s, meets the tolerance: {why}. Look at the "
         "last rows of the tables for forces or velocities that grow without bound, or jump."
+    )
+
+
+def slides(integrator: SubsystemIntegrator, ends_run: bool) -> str | None:
+    """Where the motion slides along a jump of an expression, and what to do; None if nowhere."""
+    if integrator.stepper.sliding is None:
+        return None
+    switch, t = integrator.stepper.sliding
+    names = names_of_users(integrator.model, integrator.workspace.system, switch)
+    whose = " and of ".join(names[:3]) or "a signal"
+    effect = (
+        "no step can be taken there"
+        if ends_run
+        else "it is of order 1 from there on, and its force or rate may alternate from step to step"
+    )
+    return (
+        f"from t = {t:g} s on the motion slides along a jump in the expression of {whose}: on both "
+        f"sides of it the expression drives the motion back to the other one; {effect}. Give the "
+        "jump a width, such as tanh(x/w) for sign(x); for dry friction use <friction>."
     )
 
 

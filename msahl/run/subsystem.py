@@ -9,6 +9,7 @@ import numpy as np
 
 from msahl.elements.rigid_body import write_accelerations
 from msahl.elements.signals.group import begin_angles
+from msahl.events.margins import Span
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
@@ -59,6 +60,9 @@ class SubsystemIntegrator:
     Raises ``StartError`` if there is no consistent start.
     """
 
+    resolves_inputs = False
+    """Whether expressions of the time that are faster than the steps divide these."""
+
     def __init__(
         self,
         model: Model,
@@ -82,7 +86,11 @@ class SubsystemIntegrator:
             evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
-        self.stepper = _new_stepper(model, self.workspace, solver, instantaneous, self.storage)
+        simulation = model.simulation
+        span = Span(simulation.t_final, simulation.dt if self.resolves_inputs else 0.0)
+        self.stepper = _new_stepper(
+            model, self.workspace, solver, (instantaneous, span), self.storage
+        )
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
@@ -126,6 +134,7 @@ class SubsystemIntegrator:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
+        state = state._replace(held=forces.held_switches(system.forces))
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
         name = ("workspace", self.axis, id(unknowns))
         self.workspace: Workspace = self.storage.place(name, fresh)
@@ -198,6 +207,12 @@ class SubsystemIntegrator:
         return self.stepper.advance(chunk, patience)
 
 
+class CompanionIntegrator(SubsystemIntegrator):
+    """A subsystem of a companion of a run with given steps."""
+
+    resolves_inputs = True
+
+
 def _prepare(
     system: System, state: State, start: SystemWorkspace, call: Callable[..., Any]
 ) -> bool:
@@ -218,21 +233,24 @@ def _new_stepper(
     model: Model,
     workspace: Workspace,
     solver: str,
-    instantaneous: bool,
+    details: tuple[bool, Span],
     storage: Storage,
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
+    instantaneous, span = details
     if not settings.degree:
-        return FixedStepper(MidpointMethod(workspace, instantaneous, storage), solver)
+        midpoint = MidpointMethod(workspace, instantaneous, span, storage)
+        return FixedStepper(midpoint, solver)
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
     if tolerance is None:
-        method = CollocationMethod(workspace, settings.family, settings.degree, storage)
+        method = CollocationMethod(workspace, settings.family, settings.degree, span, storage)
         return FixedStepper(method, solver)
     # The first review begins in the middle of the degrees.
-    method = CollocationMethod(workspace, settings.family, degrees[len(degrees) // 2], storage)
+    degree = degrees[len(degrees) // 2]
+    method = CollocationMethod(workspace, settings.family, degree, span, storage)
     control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
     return AdaptiveStepper(method, degrees, control)

@@ -9,6 +9,7 @@ friction            a rate passes the regularisation width w [m/s] within one st
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
+from msahl.events.expressions import BETWEEN, MET, PARABOLA
 from msahl.model import Model
 from msahl.model.motions import JointMotion
 from msahl.ports import forces
@@ -16,12 +17,6 @@ from msahl.run.subsystem import SubsystemIntegrator
 
 MOTION_SAMPLES = 64
 """Number of steps at which prescribed motions are examined, from the first to the last."""
-MET, BETWEEN = np.array([0.0, 0.5, 1.0]), np.array([0.21, 0.36, 0.64, 0.79])
-"""Times at which run and companion evaluate a motion, and others, as fractions of a step."""
-PARABOLA = np.array(
-    [(1 - 2 * BETWEEN) * (1 - BETWEEN), 4 * BETWEEN * (1 - BETWEEN), BETWEEN * (2 * BETWEEN - 1)]
-)
-"""Weights of the values at ``MET`` in the parabola's values at ``BETWEEN``."""
 CONSTANT = 1e-9
 """Change within a step, relative to the change over the run, below which a motion is at rest."""
 UNRESOLVED, OFTEN = 0.3, 0.25

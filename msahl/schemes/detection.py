@@ -8,6 +8,7 @@ import numpy as np
 from msahl.events import margins
 from msahl.events.margins import END, Margins
 from msahl.events.search import Event
+from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.schemes import step_events
@@ -20,14 +21,26 @@ from msahl.schemes.step_events import (
     GUESS,
     KNOWN,
     LEVEL,
+    NEAR,
     RATE,
+    SLIDES,
+    SOON,
     Detector,
     new_detector,
 )
 
+SAME_TIME = 1e-12
+"""Difference of two times, as a fraction of them, that is round-off."""
 COMPILED: dict[Any, Any] = {
     kernel: compiled(kernel)
-    for kernel in (step_events.begin_step, step_events.has_event, margins.set_values)
+    for kernel in (
+        step_events.begin_step,
+        step_events.has_event,
+        step_events.cross,
+        step_events.release,
+        step_events.blame_switches,
+        margins.set_values,
+    )
 }
 
 
@@ -47,7 +60,8 @@ class Detection:
         self.workspace, self.storage = workspace, storage
         fresh = new_detector(found, workspace.state, output, instant)
         self.detector: Detector = storage.place(("events", id(output)), fresh)
-        self.splits = self.detector.divides
+        self.splits = self.detector.divides or bool(found.known.time.size)
+        self.set_size(0.0)
 
     @property
     def calls(self) -> list[Call]:
@@ -56,15 +70,76 @@ class Detection:
             return []
         step, values = (self.detector, self.workspace), COMPILED[margins.set_values]
         taken = COMPILED[step_events.begin_step], COMPILED[step_events.has_event]
-        return [*((kernel, step) for kernel in taken), (values, self._values)]
+        cross = COMPILED[step_events.cross], (self.detector, 0, 0.0)
+        release = COMPILED[step_events.release], (self.detector, 0.0, False)
+        blame = COMPILED[step_events.blame_switches], (self.detector, 0.0)
+        calls = (*((kernel, step) for kernel in taken), cross, release, blame)
+        return [*calls, (values, self._values)]
+
+    def set_size(self, h: float) -> None:
+        """Let times differ by round-off of the run, or of steps ``h`` [s]."""
+        times = self.detector.margins.known.time
+        latest = float(times[-1]) if times.size else 0.0
+        self.detector.figures[NEAR] = max(SAME_TIME * latest, SOON * h)
+
+    def known_part(self, h: float) -> float:
+        """Return the part of a step ``h`` up to the first known time in it, 1 if there is none."""
+        t, near = float(self.workspace.state.time[0]), float(self.detector.figures[NEAR])
+        times = self.detector.margins.known.time
+        first = np.searchsorted(times, t + near, side="right")
+        if first == times.size or times[first] >= t + h - near:
+            return 1.0
+        return float(times[first] - t) / h
+
+    def cross(self, event: Event) -> None:
+        """Go on beyond the level of an ``event``, from the present time."""
+        t = float(self.workspace.state.time[0])
+        self._call(step_events.cross, self.detector, event.margin, t)
+
+    @property
+    def holds(self) -> bool:
+        """Whether a switch is held, other than by the time."""
+        own = self.detector.margins
+        return bool((own.held[own.switch[own.jumps]] != FREE).any())
+
+    def release(self, forever: bool) -> None:
+        """Let the switches be free in the next step, or from then on ``forever``."""
+        t = float(self.workspace.state.time[0])
+        self._call(step_events.release, self.detector, t, forever)
+
+    def blame(self) -> None:
+        """Look for a switch that keeps a step from the present time from being solved."""
+        t = float(self.workspace.state.time[0])
+        self._call(step_events.blame_switches, self.detector, t)
+
+    @property
+    def finite(self) -> bool:
+        """Whether the expressions of the motion have values, after ``value``."""
+        signals, values = self.workspace.system.forces.signals, self.workspace.start.forces.signals
+        if signals is None:
+            return True
+        places = np.concatenate([signals.rate, signals.result])
+        return bool(np.isfinite(values.values.value[places]).all())
+
+    @property
+    def sliding(self) -> tuple[int, float] | None:
+        """The switch of expressions along whose level the motion slides, and since when [s]."""
+        k = int(self.detector.slides[0])
+        if k < 0:
+            return None
+        return int(self.detector.margins.switch[k]), float(self.detector.figures[SLIDES])
 
     def arm(self, time: float) -> None:
         """Let events after ``time`` [s] end the run, and know nothing of the steps before."""
         self.detector.figures[ARMED], self.detector.figures[KNOWN] = time, np.nan
         self.detector.event[0] = -1
 
-    def begin(self) -> None:
-        """Save the start of a step that Python takes."""
+    def begin(self, resolves: bool) -> None:
+        """Save the start of a step that Python takes, with free switches unless it ``resolves``
+        events.
+        """
+        if not resolves:
+            self.release(forever=False)
         self._call(step_events.begin_step, self.detector, self.workspace)
 
     def look(self) -> Event | None:
@@ -79,7 +154,8 @@ class Detection:
             return None
         ends_run = bool(self.detector.margins.action[k] == END)
         guess, after, level, rate = (float(figures[i]) for i in (GUESS, AFTER, LEVEL, RATE))
-        return Event(k, ends_run, guess, after, level, rate)
+        at_start = guess <= self.detector.output.begin.time[0]
+        return Event(k, ends_run, guess, after, level, rate, at_start)
 
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""

@@ -6,7 +6,8 @@ ones, else by scipy. A step that none solves is divided into two halves, each of
 needed, down to 2^-10 of it.
 
 A step in which an event divides steps is taken in parts, up to the event and on from there, so the
-next one begins where it would have begun. The compiled loop returns where it sees an event.
+next one begins where it would have begun; so is one with a time that is known to be a breakpoint.
+The compiled loop returns where it sees either.
 """
 
 import math
@@ -34,6 +35,14 @@ LARGEST_DENSE = 300
 MAX_PARTS = 16
 """Largest number of parts of a step: what happens more often is not resolved by such steps, and the
 rest of the step is taken as if there were no events."""
+
+
+SHORTEST = 1e-14
+"""Fraction of a step that is none: round-off of its times."""
+
+
+class _Undivided(Exception):  # noqa: N818 - an outcome
+    """A step is to be taken without looking for events."""
 
 
 class StepMethod(Protocol):
@@ -144,6 +153,11 @@ class FixedStepper:
         """See ``Stepper``."""
         self.method.reset_prediction()
 
+    @property
+    def sliding(self) -> tuple[int, float] | None:
+        """See ``Stepper``."""
+        return self.method.detection.sliding if self.method.detection else None
+
     def arm(self, time: float) -> None:
         """See ``Stepper``."""
         self.armed = time
@@ -169,6 +183,7 @@ class FixedStepper:
         parts: dict[int, tuple[float, ...]] = {}
         if detection:
             detection.arm(self.armed)
+            detection.set_size(chunk.h)
         while k < chunk.last:
             if self._uses_compiled_loop():
                 k = self.method.take_steps(chunk.h, k, chunk.last, chunk.schedule)
@@ -201,39 +216,81 @@ class FixedStepper:
         it, if it may), in parts if it has events, at whose fractions of the step these end. On
         failure, or if an event ends the run within the step, the state is as before.
         """
-        before, ends, detection = self._saved(), [0.0], self.method.detection
-        event: Event | None = None
+        before, ends, events = self._saved(), [0.0], 0
         self.reset_prediction()
         while True:
-            rest, begin = 1.0 - ends[-1], self._saved()
-            if detection:
-                detection.begin()
-            outcome = self._subdivide(rest * chunk.h, rest, tried and len(ends) == 1)
-            if not outcome.converged:
-                break
-            event = detection.look() if detection and len(ends) < MAX_PARTS else None
-            if event is None or event.ends_run:
-                break
             try:
-                part = self._take_part(event, begin, chunk.h, rest)
-            except NoStep:
-                outcome = Outcome(math.inf, -1)
-                break
-            self._record(chunk, step, ends[-1], ends[-1] + part)
-            ends.append(ends[-1] + part)
-        if not outcome.converged or event:
-            self.reset_prediction()
-            self._go_back(before)
-            return outcome, event if outcome.converged else None, []
-        self._record(chunk, step, ends[-1], 1.0)
-        return outcome, None, ends[1:]
+                outcome, event, part = self._take_next(chunk.h, ends[-1], events, tried)
+            except _Undivided:
+                self._go_back(before)
+                ends, events = [0.0], MAX_PARTS
+                continue
+            tried = False
+            if not outcome.converged or (event and event.ends_run):
+                self.reset_prediction()
+                self._go_back(before)
+                return outcome, event if outcome.converged else None, []
+            if ends[-1] + part >= 1.0:
+                self._record(chunk, step, ends[-1], 1.0)
+                return outcome, None, ends[1:]
+            if part > 0.0:
+                self._record(chunk, step, ends[-1], ends[-1] + part)
+                ends.append(ends[-1] + part)
+            if event and self.method.detection:
+                self.method.detection.cross(event)
+                events += 1
+
+    def _take_next(
+        self, h: float, begun: float, events: int, tried: bool
+    ) -> tuple[Outcome, Event | None, float]:
+        """Take the next part of a step ``h`` of which a fraction has ``begun``, after so many
+        ``events``; return the event at its end, and the fraction that it is. Raises ``_Undivided``
+        if it is to be taken without events.
+        """
+        detection, rest = self.method.detection, 1.0 - begun
+        if detection is None:
+            return self._subdivide(h, 1.0, tried), None, rest
+        part = rest * detection.known_part(rest * h)
+        detection.begin(events < MAX_PARTS)
+        begin, holds = self._saved(), detection.holds
+        outcome = self._solve(h, part, tried and part == 1.0, holds)
+        event = detection.look() if outcome.converged and events < MAX_PARTS else None
+        failed = not outcome.converged
+        if event and not event.ends_run:
+            part = self._take_part(event, begin, h, part)
+            failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
+        if not failed:
+            counts = event is not None and (event.ends_run or part < rest)
+            return outcome, event if counts else None, part
+        self._go_back(begin)
+        if holds:
+            detection.release(forever=True)
+            return self._take_next(h, begun, events, False)
+        detection.blame()
+        if event or 0 < events < MAX_PARTS:
+            raise _Undivided
+        return outcome, None, part
+
+    def _solve(self, h: float, share: float, tried: bool, holds: bool) -> Outcome:
+        """Take a ``share`` of a step ``h``, in substeps if it is hard; only once while it ``holds``
+        switches, as what these hold may have no value beyond the level.
+        """
+        if not holds:
+            return self._subdivide(share * h, share, tried)
+        if tried and self._uses_compiled_loop():
+            return Outcome(math.inf, -1)
+        return self._solve_once(share * h, share, False)
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the
-        ``event``; return the fraction of the step that it is. Raises ``NoStep``.
+        ``event``; return the fraction of the step that it is, nan if it cannot be solved. It is
+        none, and not taken, for an event at the start.
         """
         detection, since = self.method.detection, float(begin[0][0])
         assert detection
+        self.reset_prediction()
+        if event.at_start or not math.isfinite(event.guess + event.rate):
+            return 0.0 if event.at_start else math.nan
         sign = math.copysign(1.0, event.rate)
 
         def margin(tau: float) -> float:
@@ -244,7 +301,14 @@ class FixedStepper:
             return sign * (detection.value(event.margin) - event.level)
 
         guess = (event.guess - since) / h
-        return time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest)
+        try:
+            part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest)
+        except NoStep:
+            return math.nan
+        if part > SHORTEST:
+            return part
+        self._go_back(begin)
+        return 0.0
 
     def _record(self, chunk: Chunk, step: int, begin: float, end: float) -> None:
         """Record the part of a step from ``begin`` to ``end``, fractions of it."""

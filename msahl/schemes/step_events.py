@@ -10,6 +10,13 @@ that touches a level and comes back is seen. The first time outside is found by 
 The dense output of schemes of order 2 is the cubic motion itself: a parabola in free flight, which
 is exact. What is found is where to begin: the time of an event is that at which steps that are
 taken up to it have the margin at the level, for which ``events.search`` takes them.
+
+A step holds the switches of expressions that may jump at what they are at its start. After a step
+up to the level of one it is held on the other side (``cross``). If the margin then leaves that side
+at once, it was there for round-off only, or the motion touches the level, or it slides: on both
+sides the motion leads to the other one. A switch that has crossed back at the same time is free in
+the next step; where that goes on, the motion slides. Where an expression has no value with a held
+switch, as a root beyond the level, switches are held no more.
 """
 
 import math
@@ -19,6 +26,7 @@ import numpy as np
 
 from msahl.events import margins
 from msahl.events.margins import END, SPLIT, Margins
+from msahl.expressions.tape import FREE
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
@@ -38,11 +46,17 @@ SLOPE = 1e-4
 """Fraction of a step over which the rate of a margin is taken."""
 SOON = 1e-9
 """Smallest part of a step at whose end an event is sought."""
-ARMED, KNOWN, GUESS, AFTER, LEVEL, RATE, LAST_TIME, LAST_VALUE = range(8)
+EARLY = 0.05
+"""Fraction of the time until a margin is beyond its level at which it is there already if it leaves
+its side at once."""
+OFTEN, AGAIN = 4, 2
+"""Steps with a free switch after which the motion slides, each at most so many after the last."""
+ARMED, KNOWN, GUESS, AFTER, LEVEL, RATE, LAST_TIME, LAST_VALUE, NEAR, SLIDES = range(10)
 """Places in ``Detector.figures``: time of the first step in which events may end the run; time for
 which values at the start of a step are known [s]; of the event that was found the time by the dense
 output and a time after it [s], the level and the margin's rate; the end [s] of the last step taken
-up to it, and what the margin was beyond the level there."""
+up to it, and what the margin was beyond the level there; difference of times that is round-off, and
+time since which the motion slides [s]."""
 
 
 class Detector(NamedTuple):
@@ -50,7 +64,7 @@ class Detector(NamedTuple):
 
     margins: Margins
     divides: bool  # whether events divide steps
-    figures: np.ndarray  # (8,) see above
+    figures: np.ndarray  # (10,) see above
     event: np.ndarray  # (1,) the margin that has an event in the last step, or -1
     ends: np.ndarray  # (3, m) margins at the ends of steps: two, or three of a pair
     value: np.ndarray  # (SAMPLES + 1, m) within a step
@@ -58,6 +72,11 @@ class Detector(NamedTuple):
     low: np.ndarray  # (m,) levels between which a margin may be in the step
     high: np.ndarray  # (m,)
     slack: np.ndarray  # (m,) by which it may be beyond
+    crossed: np.ndarray  # (m,) time at which its switch crossed last [s]
+    loose: np.ndarray  # (m,) time since which its switch is free, as it has crossed back [s]
+    often: np.ndarray  # (m, 2) how often that was so lately, and steps since
+    holds: np.ndarray  # (m,) whether its switch is held in steps: 0 or 1; -1 once motion slides
+    slides: np.ndarray  # (1,) the first margin along whose level the motion slides, or -1
     before: State  # at the start of the step
     begin: StepEnd  # of a pair of steps
     output: DenseOutput
@@ -69,8 +88,8 @@ def new_detector(
 ) -> Detector:
     """Return what the ``margins`` need in steps from a ``state``. Nothing ends the run yet."""
     count = margins.kind.size
-    figures = np.zeros(8)
-    figures[ARMED], figures[KNOWN] = math.inf, math.nan
+    figures = np.zeros(10)
+    figures[ARMED], figures[KNOWN], figures[SLIDES] = math.inf, math.nan, math.inf
     return Detector(
         margins=margins,
         divides=bool((margins.action == SPLIT).any()),
@@ -82,6 +101,11 @@ def new_detector(
         low=np.zeros(count),
         high=np.zeros(count),
         slack=np.zeros(count),
+        crossed=np.full(count, math.nan),
+        loose=np.full(count, math.nan),
+        often=np.zeros((count, 2), dtype=np.int64),
+        holds=margins.jumps.astype(np.int64),
+        slides=np.full(1, -1),
         before=State(*(array.copy() for array in state)),
         begin=new_step_end(state),
         output=output,
@@ -103,13 +127,105 @@ def is_idle(detector: Detector, t: float) -> bool:
 
 @kernel
 def begin_step(detector: Detector, workspace: Workspace) -> None:
-    """Save the start of a step."""
+    """Save the start of a step, in which switches are held."""
     state = workspace.state
-    copy_state(state, detector.before)
+    t = state.time[0]
     dense_output.save_end(detector.output.begin, workspace)
     detector.event[0] = -1
-    if detector.figures[KNOWN] != state.time[0] and not is_idle(detector, state.time[0]):
+    if margins.hold_known(detector.margins, t, detector.figures[NEAR]):
+        detector.figures[KNOWN] = math.nan
+    if detector.figures[KNOWN] != t and not is_idle(detector, t):
         margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[0])
+    hold_switches(detector, t)
+    copy_state(state, detector.before)
+
+
+@kernel
+def hold_switches(detector: Detector, t: float) -> None:
+    """Hold the free switches at what they are at ``t`` [s], the start of a step."""
+    own = detector.margins
+    for k in range(own.switch.size):
+        if detector.holds[k] > 0 and own.held[own.switch[k]] == FREE and detector.loose[k] != t:
+            own.held[own.switch[k]] = margins.side_of(own, k, detector.ends[0, k])
+
+
+@kernel
+def has_known_time(detector: Detector, t: float, h: float) -> bool:
+    """Whether a step ``h`` from ``t`` [s] has a known time within it, at which it is divided."""
+    known, near = detector.margins.known, detector.figures[NEAR]
+    if known.time.size == 0:
+        return False
+    first = margins.next_known(known, t, near)
+    if first == known.time.size or known.time[first] >= t + h - near:
+        return False
+    detector.event[0] = -1
+    return True
+
+
+@kernel
+def cross(detector: Detector, k: int, t: float) -> None:
+    """Hold the switch of margin ``k``, if it has one, at its other side from ``t`` [s] on; it is
+    free if it has come from there at the same time.
+    """
+    own, s = detector.margins, detector.margins.switch[k]
+    detector.figures[KNOWN] = math.nan
+    if not margins.is_held(own, k):
+        return
+    if detector.crossed[k] != t:
+        detector.crossed[k] = t
+        own.held[s] = margins.other_side(own, k, detector.figures[LEVEL])
+        return
+    own.held[s], detector.loose[k] = FREE, t
+    often = detector.often[k]
+    often[0] = often[0] + 1 if often[1] <= AGAIN else 1
+    often[1] = 0
+    if often[0] >= OFTEN:
+        save_sliding(detector, k, t)
+
+
+@kernel
+def save_sliding(detector: Detector, k: int, t: float) -> None:
+    """Save that the motion slides along the level of margin ``k`` since ``t`` [s]; steps are not
+    divided there any more.
+    """
+    detector.holds[k] = -1
+    if detector.slides[0] < 0:
+        detector.slides[0], detector.figures[SLIDES] = k, t
+
+
+@kernel
+def blame_switches(detector: Detector, t: float) -> bool:
+    """Save that the motion slides if a step from ``t`` [s] cannot be solved and a switch has
+    crossed back there: no force between those on both sides makes it stay.
+    """
+    for k in range(detector.loose.size):
+        if detector.loose[k] == t and detector.crossed[k] == t and detector.holds[k] > 0:
+            save_sliding(detector, k, t)
+            return True
+    return False
+
+
+@kernel
+def release(detector: Detector, t: float, forever: bool) -> bool:
+    """Let all switches be free in a step from ``t`` [s], or from then on ``forever``; return
+    whether one was held.
+    """
+    own, was_held = detector.margins, False
+    for k in range(own.switch.size):
+        if margins.is_held(own, k):
+            was_held, own.held[own.switch[k]] = True, FREE
+            if forever:
+                detector.holds[k] = min(detector.holds[k], 0)
+        detector.loose[k] = t
+    detector.figures[KNOWN] = math.nan
+    return was_held
+
+
+@kernel
+def count_step(detector: Detector) -> None:
+    """Count an accepted step."""
+    for k in range(detector.often.shape[0]):
+        detector.often[k, 1] += 1
 
 
 @kernel
@@ -123,6 +239,7 @@ def has_event(detector: Detector, workspace: Workspace) -> bool:
         for k in range(detector.low.size):
             detector.ends[0, k] = detector.ends[1, k]
         detector.figures[KNOWN] = workspace.state.time[0]
+        count_step(detector)
         return False
     go_back(detector, workspace)
     return True
@@ -209,16 +326,16 @@ def set_ranges(detector: Detector, count: int) -> None:
     """Set the ranges of the margins from the first of ``count`` values that is not at a level;
     those that do not count now have none.
     """
-    laws, value = detector.output.workspace.system.laws, detector.value
+    value = detector.value
     armed = is_armed(detector, detector.output.begin.time[0])
     for k in range(detector.low.size):
         detector.low[k], detector.high[k], change = -math.inf, math.inf, 0.0
-        if detector.margins.action[k] == END and not armed:
+        if (detector.margins.action[k] == END and not armed) or detector.holds[k] < 0:
             continue
         for i in range(1, count):
             change = max(change, abs(value[i, k] - value[0, k]))
         for i in range(count):
-            low, high, slack = margins.free_range(detector.margins, laws, k, value[i, k], change)
+            low, high, slack = margins.free_range(detector.margins, k, value[i, k], change)
             detector.low[k], detector.high[k], detector.slack[k] = low, high, slack
             if low > -math.inf or high < math.inf:
                 break
@@ -329,4 +446,7 @@ def save_event(detector: Detector, level: int, before: float, after: float) -> N
     tau = after - beyond / rate if rate != 0.0 else after
     figures[GUESS] = t + h * min(max(tau, SOON), 1.0)
     figures[LEVEL], figures[RATE] = edge, rate / h
+    early = probe(detector, level, k, EARLY * after) - edge
+    if margins.is_held(detector.margins, k) and beyond * early > 0.0:
+        figures[GUESS] = t
     detector.event[0] = k

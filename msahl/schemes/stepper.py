@@ -114,6 +114,10 @@ class Stepper(Protocol):
         compiled loop cannot solve is begun.
         """
 
+    @property
+    def sliding(self) -> tuple[int, float] | None:
+        """The switch of expressions along whose level the motion slides, and since when [s]."""
+
     def reset_prediction(self) -> None:
         """Predict the next step from the accelerations of the state alone."""
 

@@ -9,5 +9,9 @@ class PlanError(Exception):
         self.faults = faults
 
 
+class StoreError(Exception):
+    """The folder of a sweep that cannot be used or written; the message names the remedy."""
+
+
 class ClusterError(Exception):
     """The cluster cannot be used, or was lost; the message says why and what to do."""

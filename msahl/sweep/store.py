@@ -9,20 +9,19 @@
     runs/KEY/       tables of a point (--keep tables, all)
 
 A line of the journal is appended by one write. A line that a killed process or a full disk left
-torn is ignored, so the journal is valid at any moment; outcomes are never changed, later lines of a
-point replace earlier ones. The journal holds the only copy of the outcomes. ``runs.csv`` follows
-from plan and journal, and exists under its name only while every point has an outcome; until then
-``runs.csv.part`` has those that are known.
+torn, or that is not as it was written (``journal``), is ignored, so the journal is valid at any
+moment; outcomes are never changed, later lines of a point replace earlier ones. The journal holds
+the only copy of the outcomes. ``runs.csv`` follows from plan and journal, and exists under its name
+only while every point has an outcome; until then ``runs.csv.part`` has those that are known.
 """
 
 import csv
 import mmap
 import os
 import shutil
-import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,31 +29,32 @@ from typing import Any
 
 import orjson
 
-from msahl.printable import shown_path
+from msahl.printable import printable, shown_path
 from msahl.results.folder import relative
+from msahl.results.info import TEXT, Fields, shape_faults
 from msahl.results.lock import FolderInUseError, locked
 from msahl.results.write import PART, write_json
 from msahl.run.report import COMPLETED
 from msahl.run.verdict import FAIL
 from msahl.sweep.axes import ONE_NUMBER, number_text
+from msahl.sweep.faults import StoreError
+from msahl.sweep.journal import Journal, journal_lines, line_of, row_of
 from msahl.sweep.plan import POINT, Plan, write_plan
 from msahl.sweep.points import SHOWN, Job, Row, digest_of, numeric_versions, point_id
 
 INFO, PLAN, JOURNAL, RUNS, SECONDS, PARQUET = (
     "sweep.json", "plan.csv", "journal.jsonl", "runs.csv", "seconds.csv", "runs.parquet"
 )  # fmt: skip
+JOURNALS = "journal*.jsonl"
+"""Pattern of the names of all journals: of the sweep and of its shards."""
 OUTCOME = ("status", "verdict", "error")
 """Columns of ``runs.csv`` behind those of the plan; the measures, message and key follow."""
 TEXTS = ("status", "verdict", "message", "key")
 """Columns of ``runs.csv`` that are no numbers even where they look like some."""
 SECONDS_COLUMNS = ("prepare", "loop", "output", "companion", "total")
 """Phases in ``seconds.csv``."""
-SYNC_SECONDS = 2.0
-"""Time after which lines are flushed to the disk: what a power failure may lose [s]."""
-
-
-class StoreError(Exception):
-    """The folder of a sweep that cannot be used or written; the message names the remedy."""
+SHAPE = Fields({"plan": Fields({}), "deck": Fields({"path": TEXT, "relative": TEXT})}, ("plan",))
+"""The shape of ``sweep.json``, as far as it is read here."""
 
 
 @contextmanager
@@ -73,76 +73,6 @@ def sweep_lock(folder: Path, shared: bool = False) -> Iterator[None]:
             f"{shown_path(folder)}: {who} is running a sweep there; wait for its end, stop it, or "
             "choose another folder with -o"
         ) from None
-
-
-class Journal:
-    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
-        self.synced = time.monotonic()
-        size = os.fstat(self.file).st_size
-        if size and os.pread(self.file, 1, size - 1) != b"\n":
-            self._write(b"\n")  # ends a torn line
-
-    def lock(self) -> None:
-        """Lock the file until it is closed, where that is possible; raises ``StoreError`` if
-        another process has locked it."""
-        with suppress(ImportError):  # not a Unix
-            import fcntl
-
-            try:
-                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise StoreError(
-                    f"{shown_path(self.path)}: another process is running the same points; wait "
-                    "for its end, or stop it"
-                ) from None
-            except OSError:  # a network file system that cannot lock
-                pass
-
-    def append(self, rows: Iterable[Row]) -> None:
-        """Append rows, each as a line."""
-        self._write(b"".join(orjson.dumps(row) + b"\n" for row in rows))
-        if time.monotonic() - self.synced > SYNC_SECONDS:
-            self.sync()
-
-    def _write(self, content: bytes) -> None:
-        while content:
-            content = content[os.write(self.file, content) :]
-
-    def sync(self) -> None:
-        """Flush all lines to the disk."""
-        os.fsync(self.file)
-        self.synced = time.monotonic()
-
-    def close(self) -> None:
-        """Flush and close the file."""
-        try:
-            self.sync()
-        finally:
-            os.close(self.file)
-
-
-def journal_of_shard(k: int, n: int) -> str:
-    """The name of the journal of shard ``k`` of ``n``."""
-    return f"journal-{k}-of-{n}.jsonl"
-
-
-def journal_lines(path: Path) -> Iterator[tuple[int, Row]]:
-    """Yield the place of each complete line of a journal, and its row."""
-    place = 0
-    with path.open("rb") as file:
-        for line in file:
-            if line.endswith(b"\n"):
-                try:
-                    row = orjson.loads(line)
-                except ValueError:
-                    row = None
-                if isinstance(row, dict) and isinstance(row.get("id"), str) and "status" in row:
-                    yield place, row
-            place += len(line)
 
 
 @dataclass
@@ -199,7 +129,7 @@ class Store:
         heads = sorted(column.head for column in job.columns)
         self.plan_digest = digest_of([context, heads])[:SHOWN]
         self.software = digest_of(numeric_versions())[:SHOWN]
-        self.paths = sorted(folder.glob("journal*.jsonl"))
+        self.paths = sorted(folder.glob(JOURNALS))
         self.places: dict[bytes, tuple[int, int]] = {}
         self.keys: dict[bytes, tuple[int, int]] = {}
         self.foreign = False  # whether outcomes of other plans are known
@@ -235,7 +165,9 @@ class Store:
             return None
         with self.paths[place[0]].open("rb") as file:
             file.seek(place[1])
-            row: Row = orjson.loads(file.readline())
+            row = row_of(file.readline())
+        if row is None:  # it was changed meanwhile
+            return None
         row |= {"point": number, "id": name}
         self.add([row])
         return row
@@ -244,12 +176,12 @@ class Store:
         """Append outcomes to the journal; they are known from then on."""
         place = os.fstat(self.journal.file).st_size
         tags = {"plan": self.plan_digest, "software": self.software}
-        lines = [{**row, **tags} for row in rows]
+        lines = [line_of({**row, **tags}) for row in rows]
         self.journal.append(lines)
         index = self.paths.index(self.journal.path)
-        for line in lines:
-            self.places[_short(line["id"])] = (index, place)
-            place += len(orjson.dumps(line)) + 1
+        for row, line in zip(rows, lines, strict=True):
+            self.places[_short(row["id"])] = (index, place)
+            place += len(line)
 
     def close(self) -> None:
         """Close the journal."""
@@ -266,8 +198,8 @@ class Store:
                 if place is None or content is None:
                     yield number, cells, None
                     continue
-                end = content.find(b"\n", place[1])
-                yield number, cells, orjson.loads(content[place[1] : end])
+                end = content.find(b"\n", place[1]) + 1
+                yield number, cells, row_of(content[place[1] : end])
         finally:
             for content in maps:
                 if content is not None:
@@ -348,21 +280,19 @@ def _map(path: Path) -> mmap.mmap | None:
 
 
 def read_info(folder: Path) -> dict[str, Any]:
-    """The content of ``sweep.json``; empty if there is none."""
+    """The content of ``sweep.json``; empty if there is none, or if it is damaged."""
     try:
         found = orjson.loads((folder / INFO).read_bytes())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) and "plan" in found else {}
+    return {} if any(shape_faults(found, SHAPE)) else dict(found)
 
 
 def claim(folder: Path, deck: str) -> None:
     """Check that a sweep of ``deck`` may be written to ``folder``; raises ``StoreError``."""
-    if folder.exists() and not folder.is_dir():
-        raise StoreError(f"{shown_path(folder)}: is no folder; choose one with -o")
     held = read_info(folder)
     if not held:
-        if (folder / JOURNAL).is_file() or not folder.is_dir():
+        if not folder.is_dir() or any(folder.glob(JOURNALS)):
             return
         if any(not path.name.startswith(".") for path in folder.iterdir()):
             raise StoreError(
@@ -371,12 +301,13 @@ def claim(folder: Path, deck: str) -> None:
             )
         return
     then = held.get("deck", {})
-    seen = then.get("relative")
-    other = Path(os.path.normpath(folder.resolve() / seen)) if isinstance(seen, str) else None
-    if other is not None and other.exists() and not other.samefile(deck):
+    other = Path(os.path.normpath(folder.resolve() / then.get("relative", "")))
+    with suppress(OSError, ValueError):  # such as a name that is too long: no file is there
+        if not other.is_file() or other.samefile(deck):
+            return
         raise StoreError(
-            f"{shown_path(folder)}: holds a sweep of another deck, {then.get('path')}; choose "
-            "another folder with -o, or remove this one"
+            f"{shown_path(folder)}: holds a sweep of another deck, "
+            f"{printable(then.get('path', ''))}; choose another folder with -o, or remove this one"
         )
 
 

@@ -90,6 +90,7 @@ class State(NamedTuple):
     strain: np.ndarray  # (g, 6) of beams at their Gauss points, by increments [-, 1/m]
     strain_rise: np.ndarray  # (g, 6) their smoothed changes, of a decaying scheme
     elongation: np.ndarray  # (c,) of springs in the compliance form, by increments [m or rad]
+    held: np.ndarray  # (s,) held values of switches of expressions; the tape's own array
 
 
 class Tables(NamedTuple):

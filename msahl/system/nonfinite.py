@@ -11,6 +11,8 @@ from msahl.algebra.functions import evaluate
 from msahl.algebra.rotation import compose, from_axis_angle
 from msahl.elements.constraints import scalar
 from msahl.elements.signals import results
+from msahl.expressions.known_times import users
+from msahl.expressions.tape import HELD
 from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
@@ -95,6 +97,20 @@ def find_undefined(model: Model, system: System, state: State, h: float) -> str 
             if not finite.all():
                 return f"{EXPRESSION}{_names_of_expressions(model)[int(np.argmin(finite))]}"
     return None
+
+
+def names_of_users(model: Model, system: System, switch: int) -> list[str]:
+    """Return the names of the states and loads whose expressions depend on a switch."""
+    group = system.forces.signals
+    if group is None:
+        return []
+    found, places = [], [*group.shown, *group.rate]
+    for place, name in zip(places, _names_of_expressions(model), strict=False):
+        used = users(group.tape, np.array([place]))
+        held = any(group.tape.op[i] == HELD and group.tape.c[i] == switch for i in used)
+        if held and not name.startswith("signal") and name not in found:
+            found.append(name)
+    return found
 
 
 def _names_of_expressions(model: Model) -> list[str]:

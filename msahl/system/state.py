@@ -57,6 +57,7 @@ def build_state(model: Model, system: System) -> State:
         strain=strain,
         strain_rise=np.zeros_like(strain),
         elongation=forces.new_elongation(system.forces),
+        held=forces.held_switches(system.forces),
     )
     set_strains(system, state)
     return state
@@ -96,6 +97,7 @@ def copy_state(state: State, other: State) -> None:
         (state.stretch, other.stretch),
         (state.auxiliary, other.auxiliary),
         (state.elongation, other.elongation),
+        (state.held, other.held),
     ):
         for i in range(source.size):
             target[i] = source[i]

@@ -247,7 +247,7 @@ def test_bad_usage_is_status_2(tmp_path, words, told):
 
 def test_a_folder_that_cannot_be_written_is_named_with_a_remedy(tmp_path):
     (tmp_path / "file").write_text("a file")
-    result = run(SINGLE, "-o", tmp_path / "file" / "out", status=2)
+    result = run(SINGLE, "-o", tmp_path / "file" / "out", status=4)
     assert str(tmp_path / "file") in result.stderr
     assert "choose another folder with -o" in result.stderr
     assert "Traceback" not in result.output

@@ -5,10 +5,12 @@ import io
 import pytest
 from click.testing import CliRunner
 
-from msahl.cli import compiling, kernels
+from msahl import terminal
+from msahl.cli import kernels
 from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.jit import by_size, compiled
+from msahl.jit.announced import announced
 from msahl.jit.progress import CompileError, Progress
 from msahl.model import Options
 from msahl.resources import example_deck, example_decks
@@ -60,7 +62,7 @@ def test_everything_includes_large_models_reports_and_studies(monkeypatch):
 
 def test_what_a_command_announces_outlasts_its_runs(capsys):
     """A study makes many runs, and the first may find everything compiled."""
-    with compiling.announced(True):
+    with announced(True):
         tell = compiled.STOPWATCH.tell
         simulate(read_deck(DECK), dt=0.01, t_final=0.01)
         assert compiled.STOPWATCH.tell is tell
@@ -85,9 +87,49 @@ def test_the_progress_is_one_line(monkeypatch, names, end):
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", terminal)
-    with compiling.announced(True):
+    with announced(True):
         compiled.STOPWATCH.listen(Progress(3, 8, names, 12.4))
     shown = terminal.getvalue()
     assert shown.startswith("\r  3 of 8 parts, about 12 s left")
     assert shown.endswith(end)
     assert len(shown.strip("\r\n")) == 78
+
+
+def test_every_compilation_has_lines_in_a_pipe(monkeypatch, capsys):
+    """One that takes 50 s says so after 20 s and after 40 s, and at its end; the next again."""
+    now = 0.0
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    with announced(True):
+        for _ in range(2):
+            compiled.STOPWATCH.tell()
+            for done in range(5):
+                compiled.STOPWATCH.listen(Progress(done, 5, ("equations.residual",), 50.0))
+                now += 10.0
+            compiled.STOPWATCH.listen(Progress(5, 5, (), 0.0))
+    first, *lines = capsys.readouterr().err.splitlines()
+    assert "compiling kernels" in first
+    assert lines == 2 * [
+        "  compiled 2 of 5 parts, about 50 s left",
+        "  compiled 4 of 5 parts, about 50 s left",
+        "  compiled 5 parts in 50 s",
+    ]
+
+
+def test_a_long_run_has_lines_in_a_pipe(monkeypatch, tmp_path):
+    monkeypatch.setattr(terminal, "FIRST", 0.0)
+    words = ["run", str(DECK), "--error", "off", "--dt", "0.01", "--t-final", "0.02"]
+    result = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "run")])
+    assert result.exit_code == 0, result.output
+    assert f"  {DECK}: t = 0.02 of 0.02 s" in result.stderr
+    quiet = CliRunner().invoke(main, [*words, "-q", "-o", str(tmp_path / "quiet")])
+    assert "t = " not in quiet.stderr
+
+
+def test_hours_have_few_lines():
+    now, told = 0.0, []
+    lines = terminal.SparseLines(told.append, lambda: now)
+    while now < 7200.0:
+        now += 1.0
+        lines.show(now / 7200.0, "half")
+    assert told[0] == "  half, about 7180 s left"
+    assert len(told) < 18

@@ -23,7 +23,7 @@ START = """<data>
 <moi><Ixx>0.1</Ixx><Iyy>0.1</Iyy><Izz>0.1</Izz></moi></rigidBody></bodies>
 <joints><revolute><name>H</name><parent><name>G</name><axis><y>1</y></axis></parent>
 <child><name>A</name><position><z>0.5</z></position></child>
-<initialConditions><angle units="deg">30</angle><angleRate>1</angleRate></initialConditions>
+<initialConditions><angle units="deg">30</angle></initialConditions>
 </revolute></joints>
 <loads><torsionalSpringDamper><name>S</name><joint>H</joint><stiffness>10</stiffness>
 <damping>0.1</damping></torsionalSpringDamper></loads>
@@ -126,6 +126,17 @@ def test_a_run_starts_at_its_equilibrium_and_stays(start, tmp_path):
     assert "starts at" not in again.output
     files = [tmp_path / folder / "states.csv" for folder in ("out", "again")]
     assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_run_leaves_the_equilibrium_with_the_rate_that_the_deck_gives(start, tmp_path):
+    text = start.read_text().replace("</angle>", "</angle><angleRate>0.5</angleRate>")
+    start.write_text(text)
+    result = call("run", start, "--t-final", "0.1", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "with the velocities that the deck gives" in result.output
+    rows = np.genfromtxt(tmp_path / "out/joints.csv", delimiter=",", names=True)
+    assert rows["Hangle"][0] == pytest.approx(angle_at_rest(2.0), abs=1e-12)
+    assert rows["HangleRate"][0] == pytest.approx(0.5, rel=1e-12)
 
 
 def test_a_run_is_resumed_from_the_equilibrium_at_which_it_began(start, tmp_path, monkeypatch):

@@ -142,3 +142,61 @@ def test_the_commands_of_the_page_print_what_it_says(tmp_path, monkeypatch):
     (listing,) = re.findall(r"^```\n(.*?)^```", PAGE, re.M | re.S)
     assert without_numbers(told[1]).startswith(without_numbers(listing))
     assert "5.633043" in told[1]
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ('"time [s]","Shaft.angle [deg]"', ()),
+        ("time (ms),Shaft.angle [deg]", ()),
+        ("t,q1,torque", ("--map", "t=time:ms, q1=Shaft.angle:deg")),
+        ("t [ms],q1 [rad],voltage [V]", ("--map", "t=time", "--map", "q1=Shaft.angle:deg")),
+    ],
+)
+def test_tables_name_columns_and_units_as_they_come(folders, tmp_path, head, words):
+    joints = pd.read_csv(folders / "run/joints.csv")
+    time = joints["time"] * (1e3 if "ms" in head or words else 1.0)
+    columns = [time, np.degrees(joints["Shaft.angle"])]
+    columns += [0.0 * time] if head.count(",") > 1 else []
+    path, plain = tmp_path / "measured.csv", tmp_path / "plain.csv"
+    np.savetxt(path, np.stack(columns, 1), "%.17g", ",", header=head, comments="")
+    joints[["time", "Shaft.angle"]].to_csv(plain, index=False)
+    for table, more in ((path, words), (plain, ())):
+        result = call("inverse", FOUR_BAR, "--motion", table, *more, "-o", tmp_path / table.stem)
+        assert result.exit_code == 0, result.output
+    found, expected = (
+        pd.read_csv(tmp_path / name / "drives.csv")["Motor.load"] for name in ("measured", "plain")
+    )
+    # Degrees and milliseconds change the last digit of values that are differentiated twice.
+    assert np.abs(found - expected).max() <= 1e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    ("head", "words", "expected"),
+    [
+        ("time,Shaft.angle [kg]", (), "the unit 'kg' of Shaft.angle is none of its own; give one"),
+        ("time,q1", ("--map", "q2=Shaft.angle"), "no column 'q2' to map; the table has time, q1"),
+        ("time,q1", ("--map", "Shaft.angle"), "map a column of the table to a coordinate"),
+        ("time", (), "measured.csv:2:"),
+    ],
+)
+def test_faults_of_columns(folders, tmp_path, head, words, expected):
+    path = tmp_path / "measured.csv"
+    path.write_text(f"{head}\n" + "".join(f"{0.1 * k},{k}\n" for k in range(9)))
+    result = call("inverse", FOUR_BAR, "--motion", path, *words)
+    assert result.exit_code == 2
+    assert expected in result.output
+
+
+def test_motors_at_the_coordinates_of_the_table_are_the_default(tmp_path):
+    """A pendulum without any drive."""
+    deck = ROOT / "decks/basics/parameters.xml"
+    name = msahl.load(deck).records.joints[0].name
+    time = np.linspace(0.0, 1.0, 11)
+    angle = 0.1 * time**3
+    path = tmp_path / "measured.csv"
+    head = f"time,{name}.angle"
+    np.savetxt(path, np.stack([time, angle], 1), "%.17g", ",", header=head, comments="")
+    result = call("inverse", deck, "--motion", path)
+    assert result.exit_code in (0, 1), result.output
+    assert re.search(rf"{name}.angle +N m", result.output)

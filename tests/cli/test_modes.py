@@ -1,6 +1,7 @@
 """The command ``msahl modes``: what it prints and writes."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -99,6 +100,56 @@ def test_an_order_needs_a_speed():
     assert result.exit_code == 2
     assert "unit of angular velocity" in result.output
     assert call(bicycle, "--order", "1").exit_code == 2
+
+
+ROTOR = """<data><parameters><parameter name="spin" units="rpm">1200</parameter></parameters>
+<system><gravity><g3>-10</g3></gravity><bodies><ground><name>G</name></ground>
+<rigidBody><name>Frame</name><mass>4</mass><moi><Ixx>2</Ixx><Iyy>2</Iyy><Izz>2</Izz></moi>
+</rigidBody><rigidBody><name>Disc</name><mass>1</mass>
+<moi><Ixx>0.1</Ixx><Iyy>0.2</Iyy><Izz>0.1</Izz></moi></rigidBody></bodies><joints><revolute>
+<name>Bearing</name><parent><name>Frame</name><axis><y>1</y></axis></parent>
+<child><name>Disc</name></child>
+<initialConditions><angleRate>{spin}</angleRate></initialConditions></revolute></joints>
+<loads><springDamper><name>Left</name><parent><name>G</name><position><z>2</z><y>1</y></position>
+</parent><child><name>Frame</name><position><y>1</y></position></child><stiffness>500</stiffness>
+</springDamper><springDamper><name>Right</name><parent><name>G</name><position><z>2</z><y>-1</y>
+</position></parent><child><name>Frame</name><position><y>-1</y></position></child>
+<stiffness>500</stiffness></springDamper></loads></system>
+<simulation start="equilibrium"><deltaT>0.01</deltaT><tFinal>0.02</tFinal></simulation></data>"""
+
+
+def test_a_rotor_spins_about_the_equilibrium_at_which_its_deck_starts(tmp_path):
+    deck = tmp_path / "rotor.xml"
+    deck.write_text(ROTOR)
+    result = call(deck, "-o", tmp_path / "modes")
+    assert result.exit_code == 0, result.output
+    assert "steady motion" in result.output
+    assert "velocities that the deck gives" in result.output
+    # Pitch and yaw of the frame are coupled by the angular momentum of the disc.
+    shapes = pd.read_csv(tmp_path / "modes/shapes.csv")
+    pitch, yaw = (
+        np.hypot(shapes[f"Frame.{c}.real"], shapes[f"Frame.{c}.imaginary"]) for c in ("rx", "rz")
+    )
+    assert ((pitch > 0.1) & (yaw > 0.01)).any()
+    run = CliRunner().invoke(main, ["run", str(deck), "-o", str(tmp_path / "run"), "-q"])
+    assert run.exit_code == 0, run.output
+    states = pd.read_csv(tmp_path / "run/states.csv")
+    # 50 N on two springs of 500 N/m: 5 cm lower; 1200 rpm.
+    assert states["Frame.z"][0] == pytest.approx(-0.05, rel=1e-9)
+    assert states["Disc.wy"][0] == pytest.approx(40.0 * np.pi, rel=1e-12)
+
+
+def test_speeds_are_those_of_bodies(tmp_path):
+    deck = tmp_path / "rotor.xml"
+    deck.write_text(ROTOR)
+    words = (deck, "--over", "spin=20:300:3")
+    assert "1x the speed" in call(*words).output
+    still = ROTOR.replace("<angleRate>{spin}</angleRate>", "<angleRate>3</angleRate>")
+    deck.write_text(still)
+    result = call(*words)
+    assert result.exit_code == 0, result.output
+    assert "the speed" not in result.output
+    assert "WARN: no body rotates faster or slower with spin" in result.output
 
 
 def test_a_model_that_cannot_move_has_no_modes(tmp_path):

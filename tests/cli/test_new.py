@@ -77,7 +77,7 @@ def test_nothing_is_overwritten(tmp_path):
 
 def test_a_folder_that_is_not_there(tmp_path):
     result = CliRunner().invoke(new, ["joint-motion", "-o", str(tmp_path / "no/deck.xml")])
-    assert result.exit_code == 2
+    assert result.exit_code == 4
     assert "No such file or directory; choose another file with -o" in result.stderr
 
 

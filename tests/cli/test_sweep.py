@@ -12,9 +12,10 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.cli.sweep import duration, progress_line
+from msahl.sweep import journal as journal_module
 from msahl.sweep import pool
-from msahl.sweep import store as store_module
-from msahl.sweep.store import Counts, journal_lines, read_info
+from msahl.sweep.journal import journal_lines
+from msahl.sweep.store import Counts, read_info
 from tests.sweep.decks import DECK
 from tests.sweep.fakes import InProcess
 
@@ -158,7 +159,7 @@ def test_a_full_disk_is_reported_with_the_command_to_go_on(tmp_path, monkeypatch
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(store_module.os, "write", full)
+        patch.setattr(journal_module.os, "write", full)
         result = sweep(tmp_path / "s", "--set", "L=60,80 cm")
     assert result.exit_code == 4
     assert "No space left on device; free some disk space" in result.stderr

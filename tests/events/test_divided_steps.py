@@ -94,7 +94,7 @@ def test_steps_of_order_2_end_at_events(scheme, monkeypatch):
     monkeypatch.setattr(
         msahl.schemes.midpoint.stepper,
         "build_margins",
-        lambda system, splits: build_margins(system, True),
+        lambda system, order, span: build_margins(system, 3, span),
     )
     run = simulate(bouncing(), dt=0.04, t_final=1.0, scheme=scheme, solver="newton", error="off")
     assert np.array_equal(run.states[:8], plain.states[:8])  # before the first event, at 0.3 s

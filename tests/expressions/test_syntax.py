@@ -1,6 +1,8 @@
 """Expressions: precedence, names, faults with their columns, bounds."""
 
+import copy
 import math
+import pickle
 
 import pytest
 
@@ -124,6 +126,18 @@ def test_nesting_up_to_the_bound_is_read():
     inside = MAX_DEPTH - 1
     assert evaluate(parse("(" * inside + "1" + ")" * inside), {}) == 1.0
     assert evaluate(parse("+".join("1" * (MAX_SIZE // 2))), {}) == MAX_SIZE // 2
+
+
+@pytest.mark.parametrize("text", ["+".join(["table(x) + -2"] * 300), "+".join("x" * 990)])
+def test_long_expressions_are_records_like_all_others(text):
+    """They are deeper than Python's stack; models are compared, hashed, shown, copied and sent."""
+    tree = parse(text)
+    assert tree == parse(f" {text} ") != parse(f"{text} + 1")
+    assert hash(tree) == hash(parse(f" {text} "))
+    assert repr(tree) == repr(parse(text)) != repr(parse(f"{text} - 1"))
+    for copied in (pickle.loads(pickle.dumps(tree)), copy.deepcopy(tree)):
+        assert copied == tree
+        assert [n.column for n in postorder(copied)] == [n.column for n in postorder(tree)]
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,18 @@ def test_equal_parts_are_computed_once():
     assert len(set(places.tolist())) == 3
 
 
+def test_chains_of_names_may_be_longer_than_the_stack():
+    named = {f"s{i}": parse(f"s{i + 1} + s{i + 1}/100") for i in range(3000)}
+    tape, (place,) = build_tape([parse("s0")], ("x", "s3000"), named, {})
+    assert tape.op.size == 6000
+    values = new_values(tape)
+    set_input(tape, values, 1, 2.0)
+    sweep(tape, values)
+    assert values.value[place] == pytest.approx(
+        2.0 * 1.01**3000
+    )  # round-off of 6000 operations: 7e-13
+
+
 @pytest.mark.parametrize(
     ("text", "at", "value", "slope"),
     [

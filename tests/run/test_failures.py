@@ -127,7 +127,7 @@ def test_a_file_in_the_place_of_the_folder_is_named(tmp_path, below):
     (tmp_path / "file").write_text("a file")
     for command in ("run", "study"):
         result = call(command, SINGLE, "-o", tmp_path / "file" / below)
-        assert result.exit_code == 2, result.output
+        assert result.exit_code == 4, result.output
         assert str(tmp_path / "file") in result.stderr
         assert "choose another folder with -o" in result.stderr
     assert (tmp_path / "file").read_text() == "a file"

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from msahl.sweep.journal import journal_lines
 from msahl.sweep.points import NotWrittenError
 from msahl.sweep.pool import MOST_DEATHS, Pool, PoolError
-from msahl.sweep.store import journal_lines
 from msahl.sweep.sweep import carry_out
 from msahl.sweep.work import OnFail
 from tests.sweep.fakes import InProcess, sweep

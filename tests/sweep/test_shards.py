@@ -7,8 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
-from msahl.sweep.faults import PlanError
-from msahl.sweep.store import Journal, StoreError, sweep_lock
+from msahl.sweep.faults import PlanError, StoreError
+from msahl.sweep.journal import Journal
+from msahl.sweep.store import sweep_lock
 from msahl.sweep.sweep import carry_out
 from msahl.sweep.work import Nobody, parse_shard
 from tests.sweep.decks import DECK
@@ -116,7 +117,7 @@ def test_one_shard_is_not_run_twice_at_a_time(tmp_path):
     journal.lock()
     code = (
         "import sys; from pathlib import Path\n"
-        "from msahl.sweep.store import Journal, StoreError\n"
+        "from msahl.sweep.faults import StoreError; from msahl.sweep.journal import Journal\n"
         "try: Journal(Path(sys.argv[1])).lock()\n"
         "except StoreError as error: print(error)"
     )

@@ -11,12 +11,13 @@ from dataclasses import replace
 import pytest
 
 from msahl.deck import DeckError
-from msahl.sweep import store as store_module
-from msahl.sweep.faults import PlanError
+from msahl.sweep import journal as journal_module
+from msahl.sweep.faults import PlanError, StoreError
+from msahl.sweep.journal import journal_lines, line_of
 from msahl.sweep.plan import read_plan
 from msahl.sweep.points import Point
-from msahl.sweep.store import StoreError, claim, journal_lines, read_info, sweep_lock
-from msahl.sweep.sweep import Hooks, Sweep, carry_out
+from msahl.sweep.store import claim, read_info, sweep_lock
+from msahl.sweep.sweep import Hooks, Sweep, carry_out, check
 from msahl.sweep.work import OnFail, Work
 from tests.sweep.decks import DECK
 from tests.sweep.fakes import FakeScheduler, InProcess, open_store, row_of, sweep
@@ -109,8 +110,8 @@ def test_outcomes_of_other_software_are_computed_again(tmp_path):
     """Even if their keys are equal, as those of decks with faults are."""
     carry_out(sweep(tmp_path / "s", "L=60,80 cm"), InProcess())
     journal = tmp_path / "s" / "journal.jsonl"
-    rows = [json.loads(line) | {"software": "0123456789ab"} for line in lines(tmp_path / "s")]
-    journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    rows = [row | {"software": "0123456789ab"} for _, row in journal_lines(journal)]
+    journal.write_bytes(b"".join(map(line_of, rows)))
     again = FakeScheduler()
     carry_out(sweep(tmp_path / "s", "L=600,800 mm"), again)
     assert again.ran == [1, 2]
@@ -178,6 +179,60 @@ def test_torn_lines_are_ignored_and_the_point_is_run_again(tmp_path, torn):
     assert len(list(journal_lines(folder / "journal.jsonl"))) == 3
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b'"error":0.25', b'"error":0.2'),
+        (b'"point":2', b'"point":3'),
+        (b'"verdict":"PASS"', b'"verdict":"FAIL"'),
+        (b'"status":"completed"', b'"status":[]'),
+        (b'"measures":{', b'"measures":{"Rod.z max":7.0,'),
+        (b'"key":"', b'"key":"0'),
+        (b',"sum":', b',"x":1,"sum":'),
+        (b"}\n", b"} \n"),
+        (b"{", b"[{"),
+    ],
+)
+def test_a_line_that_was_changed_is_no_outcome(tmp_path, old, new):
+    made, folder = sweep(tmp_path / "s", "L=60,80,100 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler())
+    undisturbed = (folder / "runs.csv").read_bytes()
+    text = (folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    assert old in text[1]
+    text[1] = text[1].replace(old, new, 1)
+    (folder / "journal.jsonl").write_bytes(b"".join(text))
+    again = FakeScheduler()
+    carry_out(made, again)
+    assert again.ran == [2]
+    assert (folder / "runs.csv").read_bytes() == undisturbed
+
+
+def test_a_line_that_is_changed_while_a_sweep_runs_is_no_outcome(tmp_path):
+    made, folder = sweep(tmp_path / "s", "L=60,80,100 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler())
+    store = check(made).open_store()
+    journal = folder / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes().replace(b'"error":0.25', b'"error":0.75', 1))
+    assert [row is None for _, _, row in store.rows(made.plan)] == [True, False, False]
+    store.close()
+
+
+@pytest.mark.parametrize("value", [None, True, 3, "x", [], [1], {}, {"path": 3}, {"relative": 3},
+                                   {"relative": "x" * 5000, "path": "\n"}])  # fmt: skip
+def test_whatever_sweep_json_holds_a_sweep_goes_on(tmp_path, value):
+    """It is written anew, and what was done is in the journal."""
+    made, folder = sweep(tmp_path / "s", "L=60,80 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler())
+    sound = read_info(folder)
+    for key in (None, "deck", "plan", "pid"):
+        held = value if key is None else {**sound, key: value}
+        (folder / "sweep.json").write_text(json.dumps(held))
+        again = FakeScheduler()
+        carry_out(made, again)
+        assert again.ran == []
+        assert read_info(folder) == sound
+
+
 @pytest.mark.parametrize("cut", range(0, 400, 37))
 def test_a_journal_cut_anywhere_is_valid(tmp_path, cut):
     made, folder = sweep(tmp_path / "s", "L=60,80,100 cm"), tmp_path / "s"
@@ -206,7 +261,7 @@ def test_a_full_disk_stops_the_sweep_and_loses_nothing(tmp_path, monkeypatch):
         return write(descriptor, part)
 
     with monkeypatch.context() as patch:
-        patch.setattr(store_module.os, "write", full)
+        patch.setattr(journal_module.os, "write", full)
         with pytest.raises(OSError, match="No space left"):
             carry_out(made, FakeScheduler())
     done = len(list(journal_lines(folder / "journal.jsonl")))
@@ -245,7 +300,7 @@ def test_other_folders_are_refused(tmp_path):
     other.write_text("<data/>")
     with pytest.raises(StoreError, match="holds a sweep of another deck"):
         claim(tmp_path / "s", str(other))
-    with pytest.raises(StoreError, match="is no folder"):
+    with pytest.raises(FileExistsError):
         carry_out(sweep(other, "L=60 cm"), FakeScheduler())
 
 

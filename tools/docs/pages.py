@@ -6,10 +6,11 @@ repository. Pages outside docs/ (benchmarks, CHANGELOG.md, CONTRIBUTING.md) are 
 Links are written for a browser of the repository; here they are rewritten for the site.
 """
 
+import html
 import posixpath
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -51,6 +52,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {**example_pages(), **api_pages(), "commands.md": commands_page()}
     for uri, text in pages.items():
         files.append(File.generated(config, uri, content=text))
+    for uri, content in player_files().items():
+        files.append(File.generated(config, uri, content=content))
     others = sorted(
         path.relative_to(ROOT).as_posix()
         for pattern in ("benchmarks/results/*.png", "examples/*.*")
@@ -87,41 +90,79 @@ def example_pages() -> dict[str, str]:
     pages = {}
     index = ["# Examples\n", generated("the headers of decks/"), EXAMPLES_INTRODUCTION]
     for family, (title, summary) in FAMILIES.items():
+        decks = sorted((ROOT / "decks" / family).glob("*.xml"))
         text = [f"# {title}\n", generated(f"the headers of decks/{family}/"), f"{summary}\n"]
-        rows = []
-        for path in sorted((ROOT / "decks" / family).glob("*.xml")):
-            paragraphs = deck_header(path)
-            text.append(example(family, path, paragraphs))
-            first = paragraphs[0].split(": ")[0].split(". ")[0].rstrip(".:")
-            rows.append(f"| [{path.stem}]({family}.md#{path.stem}) | {first} |")
+        text += [example(family, path, deck_header(path)) for path in decks]
         pages[f"examples/{family}.md"] = "\n".join(text)
-        index.append(f"## {title}\n\n{summary}\n\n| deck | shows |\n| --- | --- |")
-        index.append("\n".join(rows) + "\n")
+        index.append(f"## {title}\n\n{summary} [All of them]({family}.md)\n")
+        index.append(gallery(family, decks))
     pages["examples/index.md"] = "\n".join(index)
     return pages
 
 
 EXAMPLES_INTRODUCTION = """
-Every deck in `decks/` begins with what it shows and what to expect. A test runs each deck and
-compares the result with that. Run one, and write a report with pictures:
+A click on a picture plays the motion, which can be rotated and stopped; a name leads to the deck
+with what it shows and what to expect. A test runs each deck and compares the result with that. Run
+one, and write a report with pictures:
 
     msahl run decks/mechanisms/four_bar.xml
     msahl-post report results/four_bar
 
-The pictures show the linkage at a few instants of its first sweep (light to dark: early to late)
-and the paths of the mass centres. Links are lines between their joints (circles), triangles are
-points of the ground, and bodies without joints have the outline of the solid with their inertia.
-Where little moves, or along a line only, they show displacements or velocities against time.
+The second picture of a deck shows its linkage at a few instants (light to dark: early to late) with
+the paths of the mass centres; where little moves, or along a line only, displacements or velocities
+against time.
 """
+
+
+def gallery(family: str, decks: Sequence[Path]) -> str:
+    """Return the pictures of decks, each with its name; a click plays the motion."""
+    cards = [
+        f'<figure>{playable(family, path)}<figcaption><a href="{family}.html#{path.stem}">'
+        f"{html.escape(deck_title(path))}</a></figcaption></figure>"
+        for path in decks
+    ]
+    return '<div class="gallery">\n' + "\n".join(cards) + "\n</div>\n"
+
+
+def playable(family: str, path: Path) -> str:
+    """Return the picture of what the viewer shows of a deck, with the link that plays its motion;
+    its title if it has no picture."""
+    title, name = html.escape(deck_title(path), quote=True), f"{family}/{path.stem}"
+    if not (ROOT / "docs" / "examples" / "thumbs" / f"{name}.webp").exists():
+        return f'<span class="no-picture">{title}</span>'
+    return (
+        f'<a class="play" href="view.html?{name}" title="Play {title}">'
+        f'<img src="thumbs/{name}.webp" alt="{title}" width="400" height="280" loading="lazy"></a>'
+    )
+
+
+def deck_title(path: Path) -> str:
+    """Return the title of a deck."""
+    return etree.parse(path).findtext(".//simulation/title") or path.stem
+
+
+def player_files() -> dict[str, str]:
+    """Return the page that plays the motions of the examples, and the motions, by path."""
+    sys.path.insert(0, str(ROOT))
+    from tools.docs.gallery import MOTIONS, as_script, player_page
+
+    scripts = {
+        f"examples/motions/{path.parent.name}/{path.stem}.js": as_script(path.read_text())
+        for path in sorted(MOTIONS.glob("*/*.json"))
+    }
+    return {"examples/view.html": player_page(), **scripts}
 
 
 def example(family: str, path: Path, paragraphs: list[str]) -> str:
     """Return the section of one deck: title, picture, header, and the deck itself, folded."""
-    title = etree.parse(path).findtext(".//simulation/title") or path.stem
+    title = deck_title(path)
     text = [f"## {title} {{ #{path.stem} }}\n"]
+    pictures = playable(family, path)
     picture = ROOT / "docs" / "examples" / "pictures" / family / f"{path.stem}.png"
     if picture.exists():
-        text.append(f"![{title}](pictures/{family}/{path.stem}.png){{ .example }}\n")
+        source = f"pictures/{family}/{path.stem}.png"
+        pictures += f'<img src="{source}" alt="{html.escape(title)}: instants" loading="lazy">'
+    text.append(f'<div class="example">{pictures}</div>\n')
     text += [f"{paragraph}\n" for paragraph in paragraphs]
     text.append(f"    msahl run decks/{family}/{path.name}\n")
     source = path.read_text(encoding="utf-8").rstrip()

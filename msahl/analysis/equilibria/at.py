@@ -2,11 +2,13 @@
 
 import numpy as np
 
+from msahl.analysis.equilibria.begin import started
 from msahl.analysis.equilibria.equilibrium import search_start
 from msahl.analysis.equilibria.search import find
 from msahl.analysis.linearised.point import Point, at_time
 from msahl.model import Model
 from msahl.model.settings import EQUILIBRIUM
+from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 
 
@@ -14,12 +16,19 @@ class NoEquilibriumError(StartError):
     """No equilibrium was found."""
 
 
+def _time(at: float | str) -> float:
+    """Return a time at which a model can be [s]; raises ``OptionError``."""
+    if isinstance(at, str) or not 0.0 <= at < np.inf:
+        raise OptionError([f"at {at}: give a time in seconds, zero or more, or '{EQUILIBRIUM}'"])
+    return float(at)
+
+
 def point_at(model: Model, at: float | str) -> Point:
-    """Return the model at the time ``at`` [s], or at the ``EQUILIBRIUM``, where a model that starts
-    there is at t = 0; raises ``StartError``, which is ``NoEquilibriumError`` where a search fails.
+    """Return the model at the time ``at`` [s] of its run, or at rest at the ``EQUILIBRIUM``; raises
+    ``StartError``, which is ``NoEquilibriumError`` where a search fails.
     """
-    if at != EQUILIBRIUM and (at or model.simulation.start != EQUILIBRIUM):
-        return at_time(model, float(at))
+    if at != EQUILIBRIUM:
+        return at_time(started(model), _time(at))
     found = find(search_start(model), np.zeros(3))
     if found is None:
         raise NoEquilibriumError(

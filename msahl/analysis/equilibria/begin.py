@@ -2,6 +2,9 @@
 
     model  ->  equilibrium  ->  model there  ->  run
 
+Velocities that the deck gives are those with which the bodies leave the equilibrium, in the axes of
+each body: a rotor spins in the place where its weight holds it.
+
 The run is that of a model with its bodies in equilibrium and with all explicit that it counts from
 t = 0 (``moved``). So a run, its checkpoint, ``deck.xml`` and all that reads these need not know of
 the search, and a run is resumed with the numbers with which it began.
@@ -47,7 +50,23 @@ def beginning(job: Job) -> Job:
     """
     if job.model.simulation.start != EQUILIBRIUM:
         return job
-    start = search_start(job.model)
+    start, solution = _found(job.model)
+    model = _with_given_velocities(model_at(start, solution), job.model)
+    return replace(job, model=model, start=_record(job, start, solution))
+
+
+def started(model: Model) -> Model:
+    """Return the ``model`` where a run of it starts: in equilibrium, if it asks for that. Raises
+    ``StartError`` if no equilibrium is found.
+    """
+    if model.simulation.start != EQUILIBRIUM:
+        return model
+    return _with_given_velocities(model_at(*_found(model)), model)
+
+
+def _found(model: Model) -> tuple[Point, Solution]:
+    """Return where the search begins, and the equilibrium."""
+    start = search_start(model)
     solution = find(start, np.zeros(3))
     if solution is None:
         raise StartError(
@@ -55,7 +74,25 @@ def beginning(job: Job) -> Job:
             '"equilibrium">); place them nearer to one, or look for it with msahl equilibrium '
             "--starts"
         )
-    return replace(job, model=model_at(start, solution), start=_record(job, start, solution))
+    return start, solution
+
+
+def _with_given_velocities(there: Model, given: Model) -> Model:
+    """Return the model ``there``, at rest in an equilibrium, with the velocities of the ``given``
+    one in the axes of its bodies.
+    """
+    if not _is_moving(given):
+        return there
+    bodies = [
+        replace(body, velocity=old.velocity, angular_velocity=old.angular_velocity)
+        for body, old in zip(there.bodies, given.bodies, strict=True)
+    ]
+    return replace(there, bodies=tuple(bodies))
+
+
+def _is_moving(model: Model) -> bool:
+    """Return whether the deck gives velocities."""
+    return any(any(body.velocity) or any(body.angular_velocity) for body in model.bodies)
 
 
 def beginning_of_run(job: Job, folder: Path) -> Job | None:
@@ -76,13 +113,15 @@ def beginning_of_run(job: Job, folder: Path) -> Job | None:
 
 def in_words(start: Mapping[str, Any]) -> str:
     """Return in words where a run starts, as ``Job.start`` has it."""
-    held = "; ".join(
+    more = ["with the velocities that the deck gives"] if start.get("moving") else []
+    more += [
         f"motion '{name}' is held for it, but moves at t = 0" for name in start.get("held", ())
-    )
+    ]
     return (
         f"starts at an equilibrium, up to {start['moved']:.3g} m from where the deck has the "
         "bodies: "
-        f"{start['stability']}; residual {start['residual']:.2g} N" + (f"; {held}" if held else "")
+        f"{start['stability']}; residual {start['residual']:.2g} N"
+        + "".join(f"; {part}" for part in more)
     )
 
 
@@ -101,6 +140,7 @@ def _record(job: Job, start: Point, solution: Solution) -> dict[str, Any]:
         "moved": float(moved.max()),
         "stability": stability(point),
         "held": held_motions(job.model),
+        "moving": _is_moving(job.model),
         "given": deck_digest(job.text),
     }
 

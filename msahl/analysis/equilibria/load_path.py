@@ -69,6 +69,8 @@ SOFT = 1e-9
 kept as unknowns where directions are counted: their elimination would leave round-off."""
 REFINED = 1e-10
 """Arc length to which limit points and bifurcations are found."""
+SAME = 1e-8
+"""Arc length between two of them that are one: round-off of stiffnesses moves them apart."""
 
 
 class PathPoint(NamedTuple):
@@ -201,7 +203,7 @@ class Path:
             after, length = self._next(here, tangent, length)
             following = self._tangent(after, tangent, forward)
             if None not in (here.unstable, after.unstable) and here.unstable != after.unstable:
-                yield self._critical(here, after, length, (tangent, following))
+                yield from self._critical(here, after, length, (tangent, following))
             for factor in _between(here.factor, after.factor, (*wanted, end)):
                 self.last = self._at_factor(after.state, factor)
                 yield self.last
@@ -282,26 +284,31 @@ class Path:
 
     def _critical(
         self, here: PathPoint, after: PathPoint, reach: float, tangents: tuple[Tangent, Tangent]
-    ) -> PathPoint:
-        """The limit point or bifurcation between two points of the path, an arc length ``reach``
-        apart, with their ``tangents``: where the eigenvalue that changes its sign is zero.
+    ) -> list[PathPoint]:
+        """The limit points and bifurcations between two points of the path, an arc length ``reach``
+        apart, with their ``tangents``: where an eigenvalue that changes its sign is zero. Those of
+        several directions at one load are one point.
         """
         from scipy.optimize import brentq
 
-        index = min(here.unstable or 0, after.unstable or 0)
         found = dict[float, PathPoint]()
 
-        def stiffness(length: float) -> float:
-            point = self._corrected(here, tangents[0], length) if length else here
-            found[length] = point or here
+        def stiffness(length: float, index: int) -> float:
+            if length not in found:
+                found[length] = (
+                    self._corrected(here, tangents[0], length) if length else here
+                ) or here
             values = found[length].stiffness
             assert values is not None
             return float(values[index])
 
-        length = brentq(stiffness, 0.0, reach, xtol=REFINED)
-        stiffness(length)
+        changed = range(*sorted((here.unstable or 0, after.unstable or 0)))
+        lengths = sorted(brentq(stiffness, 0.0, reach, (i,), xtol=REFINED) for i in changed)
+        for length in lengths:
+            stiffness(length, changed[0])
         kind = "limit point" if tangents[0].factor * tangents[1].factor < 0.0 else "bifurcation"
-        return found[length]._replace(kind=kind)
+        apart = [0, *(k for k in range(1, len(lengths)) if lengths[k] - lengths[k - 1] > SAME)]
+        return [found[lengths[k]]._replace(kind=kind) for k in apart]
 
 
 def _correction(

@@ -30,6 +30,7 @@ from msahl.analysis.equilibria.equilibrium import (
     size_of,
     solve,
 )
+from msahl.analysis.equilibria.flips import Hinge, flipped, hinges_of
 from msahl.analysis.equilibria.load_path import grown
 from msahl.analysis.equilibria.stability import is_stable
 from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
@@ -92,20 +93,36 @@ def unresisted(point: Point, spin: np.ndarray) -> str:
 
 def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
     """Return the different equilibria reached from the ``point`` by all methods, and from
-    ``starts`` - 1 other configurations, drawn at random; the one that the first leads to is first.
-    Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
+    ``starts`` - 1 other configurations: alternately those found with a joint rotated by half a
+    revolution, and others drawn at random. The one that the first leads to is first. Raises
+    ``StartError`` if the joints do not let the model rotate with ``spin``.
     """
     axis_point(point, spin)
     rng, found = np.random.default_rng(0), list[Solution]()
+    waiting, hinges = list[tuple[Point, Hinge]](), hinges_of(point)
     for number in range(starts):
         try:
-            begin = displaced(point, spin, rng) if number else point
+            if number % 2 and waiting:
+                solutions = _nearest_to(flipped(*waiting.pop(0)), spin)
+            else:
+                solutions = _reached(displaced(point, spin, rng) if number else point, spin)
+            for solution in solutions:
+                if not any(_is_same(solution, other) for other in found):
+                    found.append(solution)
+                    waiting += [(solution.place.point, hinge) for hinge in hinges]
         except StartError:
             continue
-        for solution in _reached(begin, spin):
-            if not any(_is_same(solution, other) for other in found):
-                found.append(solution)
     return found
+
+
+def _nearest_to(point: Point, spin: np.ndarray) -> Iterator[Solution]:
+    """Yield the equilibrium nearest to a ``point``, if there is one."""
+    try:
+        solution = solve(point, spin, stable=False)
+    except np.linalg.LinAlgError:
+        return
+    if solution.converged:
+        yield solution
 
 
 def _reached(point: Point, spin: np.ndarray) -> Iterator[Solution]:

@@ -40,9 +40,9 @@ FOUND = 1e-7
 """Relative width of the interval in which the fastest growth is found."""
 
 
-def stability(point: Point) -> str:
+def stability(point: Point, is_flat: bool = False) -> str:
     """Return whether an equilibrium is stable, by the real parts of its eigenvalues or, of a large
-    model, by the number of motions that grow.
+    model, by the number of motions that grow; ``is_flat`` if some directions have no stiffness.
     """
     if is_large(point):
         return _by_counting(point)
@@ -57,6 +57,8 @@ def stability(point: Point) -> str:
         return f"unstable, fastest growth {growth.max():.6g} 1/s"
     damped = found.value[found.zeros :]
     if damped.size and np.all(damped.real < -found.error[found.zeros :]):
+        if is_flat or found.zeros:
+            return "stable, all motions but those without stiffness are damped"
         return "stable, all motions are damped"
     return UNDAMPED if damped.size else "neither stable nor unstable"
 

@@ -38,19 +38,24 @@ class Drive:
         return "N m" if self.rotates else "N"
 
 
-def with_drives(model: Model, names: Sequence[str] = ()) -> tuple[Model, tuple[Drive, ...]]:
+def with_drives(
+    model: Model, names: Sequence[str] = (), given: Sequence[str] = ()
+) -> tuple[Model, tuple[Drive, ...]]:
     """Return the model whose drives have no law, and the drives; by default all actuators and
-    prescribed motions of the deck. Raises ``InverseError``.
+    prescribed motions of the deck, or, if it has none, motors at the ``given`` coordinates. Raises
+    ``InverseError``.
     """
     known = _known(model)
     chosen = list(names) or [
         *(load.name for load in model.loads if isinstance(load, Actuator)),
         *(motion.name for motion in model.motions),
     ]
+    chosen = chosen or list(given)
     if not chosen:
         raise InverseError(
-            "the deck has neither actuators nor prescribed motions; name coordinates of joints "
-            f"with --loads, such as {next(iter(known), 'Joint.angle')}"
+            "the deck has neither actuators nor prescribed motions, and the table no coordinate of "
+            "a joint; name coordinates of joints with --loads, "
+            f"such as {next(iter(known), 'Joint.angle')}"
         )
     for name in chosen:
         if name not in known:

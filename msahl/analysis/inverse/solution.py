@@ -95,16 +95,17 @@ def inverse(
     weights: Mapping[str, float] | None = None,
     noise: float = 0.0,
 ) -> Solution:
-    """Return the loads of the drives named, by default of all actuators and prescribed motions,
-    that produce the ``motion``; ``weights`` of the least norm by the drives' names, ``noise`` the
-    standard deviation of the table. Raises ``InverseError`` or ``StartError``.
+    """Return the loads of the drives named, by default of all actuators and prescribed motions, or
+    of motors at the coordinates of joints that the table has, that produce the ``motion``;
+    ``weights`` of the least norm by the drives' names, ``noise`` the standard deviation of the
+    table. Raises ``InverseError`` or ``StartError``.
     """
     if model.beams:
         raise InverseError(
             "the model has beams, whose deformation a table of motion does not give; prescribe the "
             "motion by <jointMotion> and run the deck with msahl run: reactions.csv has the loads"
         )
-    driven, drives = with_drives(model, loads)
+    driven, drives = with_drives(model, loads, motion.joint_coordinates)
     point = at_start(driven)
     call = (
         (lambda kernel, *given: compiled_once(kernel)(*given)) if _is_long(model, motion) else None
@@ -340,7 +341,7 @@ def _ways(motion: GivenMotion, measures: Measures, noise: float) -> list[Smooth]
     """Return the given values, and their rates and accelerations in metres, by each way: as used,
     without the highest derivatives, and by every second row.
     """
-    by_track = [derived(motion.time, track, noise) for track in motion.tracks]
+    by_track = [derived(motion.time, track, noise, k) for k, track in enumerate(motion.tracks)]
     number = max(len(each) for each in by_track)
     found = []
     for way in range(number):

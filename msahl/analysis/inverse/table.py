@@ -7,13 +7,15 @@ them. Orientations become quaternions of one sign, which are smooth functions of
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from msahl.algebra.rotation_arrays import quaternions, rotations
+from msahl.analysis.inverse.columns import header, in_si
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.run_error import RunError, run_error
 from msahl.expressions.syntax import nearest
@@ -73,17 +75,29 @@ class GivenMotion:
     error: RunError | None = None
 
     @property
+    def joint_coordinates(self) -> tuple[str, ...]:
+        """Coordinates of joints that the table has, at which motors can act."""
+        return tuple(
+            track.name
+            for track in self.tracks
+            if track.kind == "joint" and track.coordinate != ORIENTATION
+        )
+
+    @property
     def has_accelerations(self) -> bool:
         """Whether all coordinates have accelerations."""
         return all(track.accelerations is not None for track in self.tracks)
 
 
-def read_motion(path: Path, model: Model) -> GivenMotion:
-    """Read the table, or the run's folder, at ``path``; raises ``InverseError``, or the errors of
-    ``read_run``.
+def read_motion(
+    path: Path, model: Model, mapping: Mapping[str, str] = MappingProxyType({})
+) -> GivenMotion:
+    """Read the table, or the run's folder, at ``path``; ``mapping`` is that of ``mapping_of``.
+    Raises ``InverseError``, or the errors of ``read_run``.
     """
     if not path.is_dir():
-        motion = motion_of_table(*_read_table(path), model, shown_path(path))
+        table = in_si(*_read_table(path), mapping, shown_path(path))
+        motion = motion_of_table(*table, model, shown_path(path))
         return replace(motion, error=_error_of_folder(path))
     run = read_run(path)
     columns, table = state_columns(model), run.states
@@ -159,7 +173,7 @@ def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
         raise InverseError(f"{shown}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:
         raise InverseError(f"{shown}: cannot be read: {error}; save it as text (UTF-8)") from error
-    columns = [name.strip() for name in head.split(",")]
+    columns = header(head)
     lines = [line for line in rows.splitlines() if line.strip()]
     try:
         numbers = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None) if lines else None

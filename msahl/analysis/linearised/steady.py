@@ -59,7 +59,7 @@ def equilibrium(point: Point, found: Coefficients) -> Equilibrium:
     tried = [np.zeros(3)]
     if not residual_in(found, tried[0], constant=False).relative <= STEADY:
         tried.append(_best_axes(found))
-    for W in _spins(point):
+    for W in spins_of(point):
         if not any(np.allclose(W, other, rtol=1e-9, atol=1e-12) for other in tried):
             tried.append(W)
         if len(tried) > MOST_AXES:
@@ -75,7 +75,7 @@ def equilibrium(point: Point, found: Coefficients) -> Equilibrium:
     return nearest._replace(axes=np.zeros(3))
 
 
-def _spins(point: Point) -> np.ndarray:
+def spins_of(point: Point) -> np.ndarray:
     """(b, 3) angular velocities of all bodies, inertial axes."""
     return np.array(
         [np.array(matrix(at(point.state.p, b))) @ w for b, w in enumerate(point.state.w[:-1])]
@@ -131,7 +131,7 @@ def _is_constant(point: Point, found: Coefficients, axes: np.ndarray) -> bool:
     They are compared for some random motions that the joints allow, since equations of joints may
     be written in other axes.
     """
-    spin = np.linalg.norm(_spins(point), axis=1).max(initial=0.0)
+    spin = np.linalg.norm(spins_of(point), axis=1).max(initial=0.0)
     speed = np.abs(point.state.v).max(initial=0.0)
     tau = ANGLE / spin if spin > 0.0 else point.system.frames.length.max() / speed
     later = complete(point.model, point.system, _later(point, axes, tau), point.unknowns)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from msahl.analysis.modes.campbell import Campbell, Critical
+from msahl.analysis.modes.campbell import Campbell
+from msahl.analysis.modes.critical import Critical
 from msahl.analysis.modes.files import Over
 from msahl.analysis.modes.following import Spectrum
 from msahl.analysis.modes.mode_lines import counted
@@ -29,7 +30,7 @@ def report(found: Campbell, over: Over, title: str) -> list[str]:
     if added:
         lines.append(f"{added} more between them to follow the modes")
     lines += ["", *_modes(found)]
-    lines += ["", *(_critical(c, over) for c in found.critical)]
+    lines += ["", *(_critical(group, over) for group in _coinciding(found.critical))]
     if not found.critical:
         lines.append("no critical values")
     return lines
@@ -59,23 +60,51 @@ def _real(spectrum: Spectrum, i: int) -> float:
     return value if abs(value) > spectrum.modes.error[i] else 0.0
 
 
-def _critical(critical: Critical, over: Over) -> str:
-    """Return a critical value in words."""
+def _coinciding(critical: list[Critical]) -> list[list[Critical]]:
+    """Group the critical values of several modes that are one within their errors."""
+    groups = list[list[Critical]]()
+    for c in critical:
+        for group in groups:
+            first = group[0]
+            alike = (c.order, c.whirl, c.grows_above) == (
+                *(first.order, first.whirl, first.grows_above),
+            )
+            near = abs(c.value - first.value) <= c.error + first.error
+            same = abs(c.eigenvalue - first.eigenvalue) <= 1e-6 * abs(first.eigenvalue)
+            if alike and near and same and c.mode != first.mode:
+                group.append(c)
+                break
+        else:
+            groups.append([c])
+    return groups
+
+
+def _critical(group: list[Critical], over: Over) -> str:
+    """Return a critical value in words, of one mode or of several together."""
+    critical, several = group[0], len(group) > 1
     hertz = abs(critical.eigenvalue.imag) / (2.0 * np.pi)
-    where = f"{_at(over, critical.value)} +- {critical.error:.1g}: mode {critical.mode}"
+    names = [str(c.mode) for c in group]
+    who = f"modes {', '.join(names[:-1])} and {names[-1]}" if several else f"mode {names[0]}"
+    where = f"{_at(over, critical.value)} +- {critical.error:.1g}: {who}"
     if critical.order:
         multiple = f"{critical.order:g}x the speed"
-        return f"{where}, {hertz:.9g} Hz, is at {multiple}{WHIRL[critical.whirl]}"
+        verb = "are" if several else "is"
+        return f"{where}, {hertz:.9g} Hz, {verb} at {multiple}{WHIRL[critical.whirl]}"
     side = "above" if critical.grows_above else "below"
     kind = (
         f"oscillating at {hertz:.9g} Hz (flutter)" if hertz else "without oscillation (divergence)"
     )
-    return f"{where} grows {side}, {kind}"
+    return f"{where} {'grow' if several else 'grows'} {side}, {kind}"
 
 
 def warnings(found: Campbell, over: Over) -> list[str]:
     """Return what was not computed, and where the modes are not those of an equilibrium."""
     lines = [f"{_at(over, value)}: {why}" for value, why in found.failures]
+    if found.still:
+        lines.append(
+            f"no body rotates faster or slower with {over.name}, so no frequency is compared with "
+            "it; give a joint this rate, or a motor this speed"
+        )
     spectra = found.followed.spectra
     by_text: dict[str, list[float]] = {}
     for spectrum in spectra:

@@ -167,7 +167,6 @@ def _complete_vectors(
     along, across = N.T @ A @ N, N.T @ A @ X
     outer = np.empty((zeros, value.size), dtype=complex)
     for m, eigenvalue in enumerate(value):
-        outer[:, m] = np.linalg.solve(
-            eigenvalue * np.eye(zeros) - np.triu(along, 1), across @ inner[:, m]
-        )
+        shifted = (eigenvalue or np.finfo(float).tiny) * np.eye(zeros)
+        outer[:, m] = np.linalg.solve(shifted - np.triu(along, 1), across @ inner[:, m])
     return N @ outer + X @ inner

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.analysis.linearised.point import Point
+from msahl.analysis.linearised.steady import spins_of
 from msahl.analysis.modes.solution import AUTO, DENSE, Modes, is_large, modes
 
 BY_SHAPE = 0.5
@@ -36,6 +37,9 @@ EQUAL = 1e-6
 """Distance of eigenvalues, relative to their size, that are one: their shapes are arbitrary."""
 MOST_BISECTIONS = 6
 """Of the interval between two values."""
+PART = 0.47
+"""Of an interval at which it is divided to look for critical values: these are often in the middle,
+where nothing can be seen of them."""
 
 
 class Spectrum(NamedTuple):
@@ -45,6 +49,8 @@ class Spectrum(NamedTuple):
     modes: Modes
     vector: np.ndarray  # (m, n) complex
     whirl: np.ndarray  # (m,) 1 forward, -1 backward, 0 neither
+    spins: np.ndarray  # (b, 3) angular velocities of the bodies, inertial axes [rad/s]
+    is_complete: bool  # whether all modes are there
 
 
 Sampler = Callable[[float, Modes | None], Spectrum]
@@ -68,10 +74,14 @@ def sampler(point_of: Callable[[float], Point], wanted: Request) -> Sampler:
     def sample(value: float, nearby: Modes | None = None) -> Spectrum:
         point = point_of(value)
         # All modes of small models are followed, those of beams too.
-        all_modes = wanted.method == AUTO and not is_large(point)
-        request = wanted._replace(method=DENSE) if all_modes else wanted
+        small = wanted.method == AUTO and not is_large(point)
+        request = wanted._replace(method=DENSE) if small else wanted
         found = modes(point, *request, nearby=nearby)
-        return Spectrum(value, found, _vectors(point, found), _whirl(point, found))
+        spins = spins_of(point)
+        whirl = _whirl(point, found, spins)
+        return Spectrum(
+            value, found, _vectors(point, found), whirl, spins, small and not wanted.number
+        )
 
     return sample
 
@@ -90,13 +100,8 @@ def _vectors(point: Point, found: Modes) -> np.ndarray:
     return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0)
 
 
-def _whirl(point: Point, found: Modes) -> np.ndarray:
+def _whirl(point: Point, found: Modes, spins: np.ndarray) -> np.ndarray:
     """(m,) whether points go round with the body that spins fastest, or against it."""
-    from msahl.algebra.rotation import matrix
-    from msahl.algebra.vector import at
-
-    state = point.state
-    spins = np.array([np.array(matrix(at(state.p, b))) @ w for b, w in enumerate(state.w[:-1])])
     fastest = spins[np.argmax(np.linalg.norm(spins, axis=1))]
     lengths = point.system.frames.length[point.system.bodies.frame]
     areas = np.zeros((found.value.size, 3))
@@ -148,6 +153,20 @@ def follow(sample: Sampler, spectra: Sequence[Spectrum]) -> Followed:
     return found
 
 
+def halved(found: Followed, k: int, sample: Sampler) -> Followed | None:
+    """Return the modes followed from the spectrum ``k`` to ``k`` + 1 by way of one between, with
+    the numbers of the first; None if there is none between.
+    """
+    first, last = found.spectra[k : k + 2]
+    between = _between(sample, first, last, PART)
+    if between is None:
+        return None
+    result = Followed([first], [found.mode[k]], found.modes)
+    for following in (between, last):
+        _advance(result, sample, following, 0, [0])
+    return result
+
+
 def _advance(
     found: Followed, sample: Sampler, following: Spectrum, bisections: int, left: list[int]
 ) -> None:
@@ -173,13 +192,15 @@ def _advance(
     found.mode.append(number)
 
 
-def _between(sample: Sampler, last: Spectrum, following: Spectrum) -> Spectrum | None:
-    """The spectrum at the middle, None if there is none."""
+def _between(
+    sample: Sampler, last: Spectrum, following: Spectrum, part: float = 0.5
+) -> Spectrum | None:
+    """The spectrum a ``part`` of the interval further, None if there is none."""
     from msahl.deck import DeckError
     from msahl.start.velocities import StartError
 
     try:
-        return sample(0.5 * (last.value + following.value), None)
+        return sample(last.value + part * (following.value - last.value), None)
     except (DeckError, StartError):
         return None
 

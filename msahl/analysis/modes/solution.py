@@ -26,7 +26,9 @@ from msahl.analysis.modes.sparse_eigenvalues import (
     nearest,
     pencil,
 )
+from msahl.analysis.modes.zero_eigenvalues import MOST as MOST_ZEROS
 from msahl.model import SignalState
+from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 from msahl.system.names import describe_row
 
@@ -84,6 +86,7 @@ def modes(
     With modes ``nearby``, those of nearly the same model, so many eigenvalues are zero as there
     (dense matrices only), and the motion is as steady as there.
     """
+    _require_possible(number, frequency, method)
     found = coefficients(point.system, point.state)
     if nearby is not None and not nearby.equilibrium.axes.any():
         state = nearby.equilibrium
@@ -91,6 +94,8 @@ def modes(
         state = equilibrium(point, found)
     large = is_large(point)
     if method == SPARSE or (method == AUTO and (large or _is_stiff(point))):
+        if large and not frequency:
+            _require_few_zeros(found)
         matrices = pencil(found, state.axes)
         if is_worthwhile(matrices, number or FEW):
             try:
@@ -100,6 +105,33 @@ def modes(
                     raise
     dense = _dense(point, found, state, None if nearby is None else nearby.stages)
     return _nearest(dense, number, frequency)
+
+
+def _require_possible(number: int | None, frequency: float, method: str) -> None:
+    """Raise ``OptionError`` for what no model has."""
+    faults = []
+    if number is not None and number < 1:
+        faults.append(f"number {number}: ask for at least one mode")
+    if not 0.0 <= frequency < np.inf:
+        faults.append(f"near {frequency:g}: give a frequency in Hz, zero or more")
+    if method not in METHODS:
+        faults.append(f"method '{method}': choose one of {', '.join(METHODS)}")
+    if faults:
+        raise OptionError(faults)
+
+
+def _require_few_zeros(found: Coefficients) -> None:
+    """Raise ``StartError`` if so many coordinates have neither a stiffness nor a constraint that
+    their zeros cannot be told from other eigenvalues: a bound that needs no matrix.
+    """
+    stiff = np.unique(found.by_place.tocoo().row).size
+    zeros = found.coordinate.size - stiff - found.constraint.shape[0]
+    if zeros > MOST_ZEROS:
+        raise StartError(
+            f"at least {zeros} rigid-body modes: nothing holds these displacements and rotations, "
+            "and eigenvalues beside so many zeros cannot be found; hold the bodies by joints or "
+            "springs, or ask for modes near a frequency (--near)"
+        )
 
 
 def coordinate_count(point: Point) -> int:

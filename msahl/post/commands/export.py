@@ -7,7 +7,7 @@ import click
 
 from msahl.post.commands.shared import path_parameter, tell_notes
 from msahl.printable import shown_path
-from msahl.terminal import echo
+from msahl.terminal import echo, writing
 
 if TYPE_CHECKING:
     from msahl.post.glb.exported_run import Exported
@@ -33,8 +33,9 @@ def export(run: Path, glb: bool, output: Path | None) -> None:
 
     made = export_run(run)
     path = output or run / f"{run.resolve().name}.glb"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, made.data)
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, made.data)
     tell_notes(run, made.notes)
     echo(f"{shown_path(path)}: {_exactness(made)}", err=True)
     echo(str(path))

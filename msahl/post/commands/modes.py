@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from msahl.post.commands.shared import path_parameter, picture_formats
-from msahl.terminal import echo
+from msahl.terminal import echo, writing
 
 
 @click.command(short_help="Draw modes over a parameter (Campbell diagram).")
@@ -22,5 +22,8 @@ def modes(folder: Path, forms: tuple[str, ...], output: Path | None) -> None:
     """
     from msahl.post.campbell import read_diagram, write_diagram
 
-    for path in write_diagram(read_diagram(folder), output or folder, forms):
+    diagram, place = read_diagram(folder), output or folder
+    with writing(place):
+        paths = write_diagram(diagram, place, forms)
+    for path in paths:
         echo(str(path))

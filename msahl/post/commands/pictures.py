@@ -8,7 +8,7 @@ import click
 
 from msahl.post.commands.shared import path_parameter, picture_formats, print_note, read_metrics
 from msahl.printable import printable
-from msahl.terminal import echo
+from msahl.terminal import echo, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,6 +75,7 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
         msahl-post plot results/four_bar --phase Crank.x Crank.vx
         msahl-post plot results/coarse results/fine --columns 'Bob.x'
     """
+    from msahl.jit.announced import announced
     from msahl.post.draw import save, style
     from msahl.post.run_graphs import Choice
     from msahl.post.summary import partial_note
@@ -85,10 +86,12 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
     for run in runs:
         print_note(run, partial_note(run))
     choice = Choice(given["plane"] or "", given["bodies"], given["joints"])
-    with style():
+    place = output or folders[0] / "plots"
+    with style(), announced(True), writing(place):
         drawn = _drawn(runs, kinds, choice, given["columns"], given["phases"])
-        for path in save(drawn, forms, output or folders[0] / "plots"):
-            echo(str(path))
+        paths = save(drawn, forms, place)
+    for path in paths:
+        echo(str(path))
 
 
 def _sort(words: Sequence[str]) -> tuple[list[Path], list[str]]:
@@ -151,5 +154,8 @@ def report(run: Path, output: Path | None) -> None:
     from msahl.post.run_report import write_report
 
     ((_, metrics),), (read,) = read_metrics((run,))
-    for path in write_report(read, metrics, output or run / "report"):
+    place = output or run / "report"
+    with writing(place):
+        paths = write_report(read, metrics, place)
+    for path in paths:
         echo(str(path))

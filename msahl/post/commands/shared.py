@@ -56,6 +56,7 @@ def table_of_runs(command: Command) -> Command:
 
 def read_metrics(folders: Sequence[Path]) -> tuple["NamedMetrics", list["Run"]]:
     """Read runs and compute their metrics; say on stderr which runs are incomplete."""
+    from msahl.jit.announced import announced
     from msahl.post.metrics import compute_metrics
     from msahl.post.summary import partial_note
     from msahl.results.read import read_run
@@ -63,7 +64,8 @@ def read_metrics(folders: Sequence[Path]) -> tuple["NamedMetrics", list["Run"]]:
     runs = [read_run(folder) for folder in folders]
     for run in runs:
         print_note(run, partial_note(run))
-    return [(str(run.folder), compute_metrics(run)) for run in runs], runs
+    with announced(True):
+        return [(str(run.folder), compute_metrics(run)) for run in runs], runs
 
 
 def print_note(run: "Run", text: str) -> None:

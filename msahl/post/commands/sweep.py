@@ -6,7 +6,7 @@ import click
 
 from msahl.post.commands.shared import path_parameter, picture_formats, print_table, table_format
 from msahl.printable import shown_path
-from msahl.terminal import echo
+from msahl.terminal import echo, writing
 
 GOALS = ("min", "max")
 
@@ -66,5 +66,8 @@ def sweep(
         print_table(tables.indices_table(found), form)
     from msahl.post.sweep.sweep_page import write_sweep_page
 
-    for path in write_sweep_page(read, found, output or folder / "report", forms):
+    place = output or folder / "report"
+    with writing(place):
+        paths = write_sweep_page(read, found, place, forms)
+    for path in paths:
         echo(str(path))

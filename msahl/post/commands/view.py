@@ -6,7 +6,7 @@ import click
 
 from msahl.post.commands.shared import path_parameter, tell_notes
 from msahl.printable import shown_path
-from msahl.terminal import echo
+from msahl.terminal import echo, writing
 
 
 @click.command(short_help="Write an HTML file that shows the motion.")
@@ -58,7 +58,10 @@ def view(
 
     patterns, first = _listed(columns), _listed(graph)
     if companion:
-        shown = show_error(run, patterns)
+        from msahl.jit.announced import announced
+
+        with announced(True):
+            shown = show_error(run, patterns)
     else:
         shown = [show_run(folder, patterns) for folder in (run, other) if folder]
     names = shown[0].columns["names"] if shown[0].columns else ()
@@ -66,8 +69,10 @@ def view(
         if name not in names:
             raise ResultError(f"{shown_path(run)}: --graph: no column '{name}' is shown")
     path = output or run / "view.html"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, viewer_page(shown, graph=first).encode())
+    page = viewer_page(shown, graph=first).encode()
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, page)
     for folder, one in zip((run, other), shown, strict=False):
         if folder:  # a companion has the meshes of its run
             tell_notes(folder, one.scene["notes"])

@@ -10,6 +10,7 @@ from it. Nothing else is served, and no file is opened because of a request.
 
 import json
 import secrets
+import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -28,8 +29,7 @@ class PageServer:
         self._html = b""
         self._changed = threading.Condition()
         self._token = secrets.token_urlsafe(12)
-        self._server = ThreadingHTTPServer((HOST, 0), _handler(self))
-        self._server.daemon_threads = True
+        self._server = _Server((HOST, 0), _handler(self))
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
 
     @property
@@ -61,7 +61,10 @@ class PageServer:
 
     def answer(self, target: str) -> tuple[str, bytes] | None:
         """Return type and content of the answer to a request; None if there is nothing."""
-        parts = urlsplit(target)
+        try:
+            parts = urlsplit(target)
+        except ValueError:  # such as http://[
+            return None
         if parts.path == f"/{self._token}/":
             return "text/html; charset=utf-8", self._html
         if parts.path == f"/{self._token}/version":
@@ -70,6 +73,17 @@ class PageServer:
                 self._changed.wait_for(lambda: str(self.version) != after, PATIENCE)
                 return "application/json", json.dumps({"version": self.version}).encode()
         return None
+
+
+class _Server(ThreadingHTTPServer):
+    """Answers each request in a thread of its own; that a browser hangs up is no fault."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print the fault of an answer, unless its connection is closed."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
 def _handler(page: PageServer) -> type[BaseHTTPRequestHandler]:

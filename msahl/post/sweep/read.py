@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import numpy as np
 
 from msahl.post.measures import MeasureError, parse_measure, unit_of
 from msahl.printable import printable, shown_path
-from msahl.results.read import ResultError
+from msahl.results.info import COUNT, TEXT, Fields, Many, ResultError, shape_faults
 
 INFO, RUNS, SECONDS, PART = "sweep.json", "runs.csv", "seconds.csv", ".part"
 POINT, STATUS, VERDICT, ERROR, MESSAGE, KEY = (
@@ -27,6 +28,15 @@ AGAIN = "go on with it: msahl sweep, with the same plan"
 NUMBER = re.compile(r"([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 DRAWN = " ~ "
 """Text between name and distribution in the words of a plan's axis."""
+SHAPE = Fields({
+    "plan": Fields({
+        "points": COUNT,
+        **dict.fromkeys(("columns", "axes"), Many(list, TEXT)),
+    }, ("points", "columns", "axes")),
+    "deck": Fields({"path": TEXT}),
+    "measures": Many(list, TEXT),
+}, ("plan",))  # fmt: skip
+"""The shape of ``sweep.json``, as far as it is read here; ``sample`` may be null."""
 DIGITS = 6
 """Digits of the numbers of a plan on pages, if they distinguish them."""
 
@@ -65,6 +75,13 @@ class Parameter:
             if len(set(found)) == len(cells):
                 return dict(zip(cells, found, strict=True))
         return dict(zip(cells, cells, strict=True))
+
+    def said(self, cell: str) -> str:
+        """Return its value in a cell in words, such as "L = 0.6 m"."""
+        name, _, unit = self.name.removesuffix("]").partition(" [")
+        value = self.short[cell]
+        is_number = self.values is not None and not value.endswith(unit)
+        return f"{name} = {value} {unit}" if is_number else f"{name} = {value}"
 
 
 @dataclass(frozen=True)
@@ -167,9 +184,7 @@ def read_sweep(folder: Path) -> SweepRuns:
     if not path.is_file():
         raise ResultError(f"{shown_path(folder)}: the sweep has no outcomes yet; {AGAIN}")
     head, rows = _read_csv(path)
-    planned = info["plan"].get("points")
-    columns = info["plan"].get("columns", [])
-    measures = [str(name) for name in info.get("measures", [])]
+    columns, measures = info["plan"]["columns"], info.get("measures", [])
     lacks = [name for name in (POINT, *columns, STATUS, *measures) if name not in head]
     if lacks:
         raise ResultError(f"{shown_path(path)}:1: no column '{printable(lacks[0])}'; {AGAIN}")
@@ -177,6 +192,10 @@ def read_sweep(folder: Path) -> SweepRuns:
         raise ResultError(f"{shown_path(path)}: no point has an outcome yet; {AGAIN}")
     cells = dict(zip(head, zip(*rows, strict=True), strict=True))
     numbers = _numbers(cells[POINT])
+    for word, number in zip(cells[POINT], numbers, strict=True):
+        if not math.isfinite(number):
+            what = f"a point is called '{printable(word)}', not by a number"
+            raise ResultError(f"{shown_path(path)}: {what}; {AGAIN}")
     return SweepRuns(
         folder=folder,
         info=info,
@@ -187,7 +206,7 @@ def read_sweep(folder: Path) -> SweepRuns:
         messages=cells.get(MESSAGE, ("",) * len(rows)),
         seconds=_seconds(folder, numbers),
         numbers=numbers,
-        planned=planned if isinstance(planned, int) else len(rows),
+        planned=info["plan"]["points"],
     )
 
 
@@ -200,9 +219,10 @@ def _read_info(folder: Path) -> dict[str, Any]:
         raise ResultError(f"{shown_path(folder)}: {message}") from None
     except ValueError as error:
         raise ResultError(f"{shown_path(path)}: not JSON: {error}") from error
-    if not isinstance(info, dict) or not isinstance(info.get("plan"), dict):
-        raise ResultError(f"{shown_path(path)}: does not describe a sweep")
-    return info
+    faults = list(shape_faults(info, SHAPE))
+    if faults:
+        raise ResultError(f"{shown_path(path)}: {printable(faults[0])}; {AGAIN}")
+    return dict(info)
 
 
 def _read_csv(path: Path) -> tuple[list[str], list[list[str]]]:

@@ -80,9 +80,7 @@ def groups(sweep: SweepRuns) -> list[tuple[str, np.ndarray]]:
     keys = list(zip(*(parameter.cells for parameter in listed), strict=True))
     found = []
     for key in dict.fromkeys(keys):
-        words = ", ".join(
-            f"{p.name} = {p.short[cell]}" for p, cell in zip(listed, key, strict=True)
-        )
+        words = ", ".join(p.said(cell) for p, cell in zip(listed, key, strict=True))
         found.append((words, among & np.array([each == key for each in keys])))
     return found
 

@@ -102,7 +102,7 @@ def _extremes(sweep: SweepRuns) -> Table:
 
 def place(sweep: SweepRuns, index: int) -> str:
     """Say which values the varied parameters have at a point."""
-    return ", ".join(f"{p.name} = {p.short[p.cells[index]]}" for p in sweep.varied)
+    return ", ".join(p.said(p.cells[index]) for p in sweep.varied)
 
 
 def all_indices(sweep: SweepRuns) -> list[Indices]:

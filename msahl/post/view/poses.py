@@ -9,7 +9,7 @@ changes quickly, so that the error at all output times is within a tolerance.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,20 @@ from msahl.system.names import STATE_COLUMNS
 
 WIDTH = 7
 """Numbers of a pose."""
-TOLERANCE = 4e-7
-"""Error of the interpolation of a coordinate, divided by the size of the motion, and twice that of
-an Euler parameter: with the rounding below a pose is within 1e-6 of the run's."""
-UNIT = 2.0**-22, 2.0**-23
-"""What coordinates (of a motion of size 1) and Euler parameters are rounded to."""
+
+
+class Accuracy(NamedTuple):
+    """How exact poses are: the ``tolerance`` is the error of the interpolation of a coordinate,
+    divided by the size of the motion, and twice that of an Euler parameter; coordinates (of a
+    motion of size 1) and Euler parameters are rounded to ``length`` and ``euler``."""
+
+    tolerance: float
+    length: float
+    euler: float
+
+
+EXACT = Accuracy(tolerance=4e-7, length=2.0**-22, euler=2.0**-23)
+"""Poses within 1e-6 of those of the run."""
 LOOSER = 4.0
 """Factor of the tolerance while there are too many key poses."""
 WIDEST = 64
@@ -77,14 +86,14 @@ def poses_of_run(sample: Sample) -> Poses:
     return Poses(sample.time, np.concatenate([states[..., :3], euler], axis=-1))
 
 
-def choose_keys(poses: Poses, size: float, most: int) -> KeyPoses:
+def choose_keys(poses: Poses, size: float, most: int, accuracy: Accuracy = EXACT) -> KeyPoses:
     """Choose at most about ``most`` key poses, with the tolerance relative to ``size`` [m]; where
     that is too few, the tolerance is made larger until it is enough."""
     scale = np.ones(poses.values.shape[1:])
     scale[:, :3] /= size
     scale[:, 3:] *= 2.0
     values = (poses.values * scale).reshape(len(poses.time), -1)
-    tolerance = TOLERANCE
+    tolerance = accuracy.tolerance
     rows = _keys_within(poses.time, values, tolerance)
     while len(rows) > max(most, 2):
         tolerance *= LOOSER
@@ -162,7 +171,7 @@ def _errors(poses: Poses, rows: np.ndarray) -> tuple[float, float]:
     return position, orientation
 
 
-def pack_poses(poses: Poses, rows: np.ndarray) -> dict[str, Any]:
+def pack_poses(poses: Poses, rows: np.ndarray, accuracy: Accuracy = EXACT) -> dict[str, Any]:
     """Return the key poses as the viewer reads them: rounded to integers, and packed.
 
     A coordinate is ``middle`` + ``lengthUnit`` times its integer [m], an Euler parameter
@@ -170,7 +179,7 @@ def pack_poses(poses: Poses, rows: np.ndarray) -> dict[str, Any]:
     they are very many; null: those of the key poses.
     """
     middle, reach = poses.middle, poses.reach
-    units = (UNIT[0] * (reach or 1.0), UNIT[1])
+    units = (accuracy.length * (reach or 1.0), accuracy.euler)
     values = poses.values[rows].copy()
     values[..., :3] = (values[..., :3] - middle) / units[0]
     values[..., 3:] /= units[1]

@@ -16,9 +16,10 @@ with h^(p+1), so e/h goes with h^p, and the next pair has the size
 
     h <- 0.9 h (tol h / (T e))^(1/p)      within limits of one change                     (1)
 
-No pair extends beyond a breakpoint: where a law of time has one is known, and where a coordinate
-reaches a breakpoint of a spring's table or of a cam, or the width of a friction law, is an event of
-one of the halves (``step_events``). The pair is taken again up to there, by the secant, until the
+No pair extends beyond a breakpoint: where a law or an expression of time has one is known, and
+where a coordinate reaches a breakpoint of a spring's table or of a cam, or the width of a friction
+law, or an expression of the motion a kink or a jump, is an event of one of the halves
+(``step_events``). The pair is taken again up to there, by the secant, until the
 coordinate is at the breakpoint to round-off.
 
 The positions at the ends of steps say little where motions are prescribed (if all are, there is no
@@ -73,9 +74,9 @@ SEARCHES = 12
 """Most pairs that are taken for one event: by the secant, four or five lead to round-off."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
-NO_EVENT, AGAIN, ENDS = 0.0, 1.0, 2.0
-"""What follows from the events of a pair: nothing, to take it again up to one, or that the run ends
-within it."""
+NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
+"""What follows from the events of a pair: nothing, to take it again up to one, that the run ends
+within it, or that a switch crosses at its start."""
 MAX_ROTATION = 1.5
 """Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a
 revolution relative to each other, as is needed to count full revolutions of their angle."""
@@ -166,6 +167,8 @@ def take_pairs(
     """
     done, tried, figures = 0, 0, control.figures
     control.counts[ROWS] = 0
+    if is_sliding(detector) > 0.0:
+        return 0
     if last == 0:
         return int(try_pair(subsystem, control, detector, order, 0, False))
     while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
@@ -173,7 +176,10 @@ def take_pairs(
         if try_pair(subsystem, control, detector, order, done, True):
             done += 2
             write_rows(subsystem, control, times)
+            cross_at_end(detector, subsystem.workspace.state.time[0])
         elif ends_run(detector) > 0.0 or figures[NEXT] < TOO_SMALL * figures[END]:
+            break
+        if is_sliding(detector) > 0.0:
             break
     return done
 
@@ -193,22 +199,29 @@ def try_pair(
     """
     workspace, figures = subsystem.workspace, control.figures
     t = workspace.state.time[0]
-    left = time_left(subsystem, control, t)
+    left = min(time_left(subsystem, control, t), known_time_left(detector, t))
     h = pair_size(subsystem, figures[NEXT], left)
-    copy_state(workspace.state, control.start)
     dense_output.save_end(subsystem.dense_output.begin, workspace)
     begin_pair(detector, workspace)
-    if not take_pair(subsystem, control, detector, h, row):
-        figures[NEXT] = figures[BEST] = 0.25 * h
-        control.counts[REFUSED] += 1
-        restore_start(subsystem, control)
-        newton.reset_prediction(subsystem)
-        return False
-    if commit and seek_event(detector, control, t, h) != NO_EVENT:
+    copy_state(workspace.state, control.start)
+    solved = take_pair(subsystem, control, detector, h, row)
+    follows = seek_event(detector, control, t, h) if commit and solved else NO_EVENT
+    error, round_off = math.nan, 0.0
+    if solved and follows == NO_EVENT:
+        error, round_off = local_error(subsystem, control, order, row)
+    if follows != NO_EVENT:
         restore_start(subsystem, control)
         restore_polynomials(subsystem, t, h)
+        if follows == CROSSES:
+            cross_at_start(detector, t)
         return False
-    error, round_off = local_error(subsystem, control, order, row)
+    if not solved or (commit and not math.isfinite(error)):
+        restore_start(subsystem, control)
+        newton.reset_prediction(subsystem)
+        if not (commit and gives_way(detector, t) > 0.0):
+            figures[NEXT] = figures[BEST] = 0.25 * h
+            control.counts[REFUSED] += 1
+        return False
     good = choose_next_size(subsystem, control, order, h, error, round_off)
     if good and commit:
         accept_pair(control, row, h, error)
@@ -311,12 +324,52 @@ def largest_angular_speed(W: np.ndarray) -> float:
     return math.sqrt(largest)
 
 
+@optional(math.inf)
+def known_time_left(detector: Detector, t: float) -> float:
+    """Time [s] from ``t`` to the next known time."""
+    known = detector.margins.known
+    first = margins.next_known(known, t, detector.figures[step_events.NEAR])
+    return known.time[first] - t if first < known.time.size else math.inf
+
+
 @optional()
 def begin_pair(detector: Detector, workspace: Workspace) -> None:
-    """Save the margins at the start of a pair, if they are not known."""
+    """Hold the switches in a pair, and save the margins at its start, if they are not known."""
+    t = workspace.state.time[0]
     detector.event[0] = -1
-    if detector.figures[step_events.KNOWN] != workspace.state.time[0]:
+    if margins.hold_known(detector.margins, t, detector.figures[step_events.NEAR]):
+        detector.figures[step_events.KNOWN] = math.nan
+    if detector.figures[step_events.KNOWN] != t:
         save_margins(detector, workspace, 0)
+    step_events.hold_switches(detector, t)
+
+
+@optional(0.0)
+def gives_way(detector: Detector, t: float) -> float:
+    """1 if another pair from ``t`` may be solved: switches were held in this one and are not any
+    more, or the motion slides.
+    """
+    released = step_events.release(detector, t, True)
+    return 1.0 if released or step_events.blame_switches(detector, t) else 0.0
+
+
+@optional()
+def cross_at_start(detector: Detector, t: float) -> None:
+    """Let the switch that has the event cross at the start of the pair."""
+    step_events.cross(detector, detector.event[0], t)
+
+
+@optional()
+def cross_at_end(detector: Detector, t: float) -> None:
+    """Let the switch whose level the accepted pair ended at cross to its other side."""
+    if detector.event[0] >= 0:
+        step_events.cross(detector, detector.event[0], t)
+
+
+@optional(0.0)
+def is_sliding(detector: Detector) -> float:
+    """1 if the motion slides along the level of a switch: no step meets a tolerance there."""
+    return 1.0 if detector.slides[0] >= 0 else 0.0
 
 
 @optional()
@@ -331,6 +384,7 @@ def keep_margins(detector: Detector, workspace: Workspace) -> None:
     for k in range(detector.low.size):
         detector.ends[0, k] = detector.ends[2, k]
     detector.figures[step_events.KNOWN] = workspace.state.time[0]
+    step_events.count_step(detector)
 
 
 @optional(0.0)
@@ -359,6 +413,10 @@ def seek_event(detector: Detector, control: StepControl, t: float, h: float) -> 
         return NO_EVENT
     if ends_run(detector) > 0.0:
         return ENDS
+    if seen[step_events.GUESS] <= t:
+        return CROSSES
+    if not math.isfinite(seen[step_events.GUESS] + seen[step_events.RATE]):
+        return NO_EVENT
     control.counts[SOUGHT] = 1
     figures[STOP] = seen[step_events.GUESS]
     control.event[0] = detector.event[0]
@@ -382,6 +440,8 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
     new = end - value / seen[step_events.RATE] if seen[step_events.RATE] != 0.0 else end
     near = near or abs(new - end) <= ROUND_OFF * end
     if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
+        change = abs(detector.ends[2, k] - detector.ends[0, k])
+        detector.event[0] = k if near or abs(value) <= margins.AT_ENDS * change else -1
         return NO_EVENT
     control.counts[SOUGHT] += 1
     figures[STOP] = new

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import build_margins
+from msahl.events.margins import Span, build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
@@ -46,9 +46,14 @@ class CollocationMethod:
     """The ``StepMethod`` of a collocation ``scheme`` with polynomials of a ``degree``."""
 
     def __init__(
-        self, workspace: Workspace, scheme: str, degree: int, storage: Storage | None = None
+        self,
+        workspace: Workspace,
+        scheme: str,
+        degree: int,
+        span: Span,
+        storage: Storage | None = None,
     ) -> None:
-        self.workspace, self.scheme = workspace, scheme
+        self.workspace, self.scheme, self.span = workspace, scheme, span
         self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -110,11 +115,9 @@ class CollocationMethod:
         newton.reset_prediction(self.subsystem)
 
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
-        """What detects events, if there can be any; steps of order 2 do not end at breakpoints,
-        across which they have the same order.
-        """
-        splits = COLLOCATION[self.scheme].order(degree) > 2
-        margins = build_margins(self.workspace.system, splits)
+        """What detects events, if there can be any."""
+        order = COLLOCATION[self.scheme].order(degree)
+        margins = build_margins(self.workspace.system, order, self.span)
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
@@ -225,6 +228,11 @@ class AdaptiveStepper:
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
         self.method.reset_prediction()
+
+    @property
+    def sliding(self) -> tuple[int, float] | None:
+        """See ``Stepper``."""
+        return self.method.detection.sliding if self.method.detection else None
 
     def arm(self, time: float) -> None:
         """See ``Stepper``."""

@@ -5,7 +5,7 @@ import numpy as np
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.step_events import Detector, begin_step, has_event
+from msahl.schemes.step_events import Detector, begin_step, has_event, has_known_time
 
 
 @kernel
@@ -18,10 +18,12 @@ def take_steps(
     due: np.ndarray,
     share: np.ndarray,
 ) -> int:
-    """As ``newton.take_steps``; also return at a step with an event, which is not
-    taken.
+    """As ``newton.take_steps``; also return at a step with an event or a known time in it, which
+    is not taken.
     """
     for step in range(first, last):
+        if has_known_time(detector, subsystem.workspace.state.time[0], h):
+            return step
         begin_step(detector, subsystem.workspace)
         if not newton.take_step(subsystem, h):
             return step

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.events.margins import build_margins
+from msahl.events.margins import Span, build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.schemes.common import accelerations, workspace
@@ -36,13 +36,15 @@ class MidpointMethod:
     degree = 0
     memory: None = None
 
-    def __init__(self, workspace: Workspace, instantaneous: bool, storage: Storage) -> None:
+    def __init__(
+        self, workspace: Workspace, instantaneous: bool, span: Span, storage: Storage
+    ) -> None:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
-        self.detection = _new_detection(workspace, storage)
+        self.detection = _new_detection(workspace, span, storage)
 
     @property
     def kind(self) -> str:
@@ -134,11 +136,9 @@ class MidpointMethod:
             trend[:] = 0.0
 
 
-def _new_detection(workspace: Workspace, storage: Storage) -> "Detection | None":
-    """What detects the events that end a run, if there can be any: steps of order 2 have the same
-    order across a breakpoint, and do not end there. The code is only loaded where it is needed.
-    """
-    margins = build_margins(workspace.system, splits=False)
+def _new_detection(workspace: Workspace, span: Span, storage: Storage) -> "Detection | None":
+    """What detects events, if there can be any. The code is only loaded where it is needed."""
+    margins = build_margins(workspace.system, order=2, span=span)
     if margins is None:
         return None
     from msahl.schemes.collocation.dense_output import new_dense_output

@@ -8,7 +8,7 @@ from msahl.schemes.common.accelerations import Instant
 from msahl.schemes.common.workspace import Workspace, record_step
 from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import TOLERANCE
-from msahl.schemes.step_events import Detector, begin_step, has_event
+from msahl.schemes.step_events import Detector, begin_step, has_event, has_known_time
 
 
 @kernel
@@ -22,9 +22,11 @@ def take_steps(
     rows: np.ndarray,
 ) -> int:
     """As ``newton.take_steps``, or with an ``instant`` ``accelerations.take_steps``; also
-    return at a step with an event, which is not taken.
+    return at a step with an event or a known time in it, which is not taken.
     """
     for k in range(first, last):
+        if has_known_time(detector, workspace.state.time[0], h):
+            return k
         begin_step(detector, workspace)
         residual, _ = newton.take_step(workspace, h, 1.0)
         if not residual <= TOLERANCE or has_event(detector, workspace):

@@ -14,6 +14,8 @@ from msahl.analysis.equilibria.load_path import Path, grown
 from msahl.analysis.equilibria.static_equations import Statics
 from msahl.analysis.linearised.point import at_start
 from msahl.analysis.modes.campbell import campbell
+from msahl.analysis.modes.campbell_lines import report
+from msahl.analysis.modes.files import Over
 from msahl.analysis.modes.following import Request
 from msahl.deck.source import Source
 from tests.support.models import ROOT
@@ -68,6 +70,50 @@ def test_a_frequency_of_the_column_is_zero_at_its_buckling_load():
     assert critical.value == pytest.approx(1.0, abs=critical.error + 2e-8)
     assert critical.error < 1e-6
     assert critical.eigenvalue == 0.0
+
+
+def round_column(ratio=1, follower=False):
+    """The source of the column with nearly the same bending stiffness to all sides, under a dead
+    or a ``follower`` load, here in EI/L^2."""
+    text = (ROOT / "decks/elastic/column.xml").read_text()
+    text = text.replace("{5*EI}", f"{{{ratio}*EI}}").replace("<elements>4<", "<elements>2<")
+    if follower:
+        dead = "<force><zForce>{-load*pi^2*EI/(4*length^2)}</zForce></force>"
+        assert dead in text
+        along = '<force basis="Column.last"><xForce>{-load*EI/length^2}</xForce></force>'
+        text = text.replace(dead, along)
+    return Source.of(text)
+
+
+@pytest.mark.parametrize(
+    ("follower", "values", "expected", "digits"),
+    [
+        # The error of two elements of degree 4.
+        (False, (0.6, 1.0, 1.4), 1.0, 2e-8),
+        # Beck's column: 20.0509 without rotary inertia, which is 1e-4 here.
+        (True, (18.0, 22.0), 20.0320, 1e-4),
+    ],
+)
+def test_a_round_column_becomes_unstable_to_all_sides(follower, values, expected, digits):
+    source = round_column(follower=follower)
+    found = campbell(lambda load: at_start(source.model((f"load={load!r}",))), values)
+    first, second = found.critical
+    assert first.mode != second.mode
+    for critical in found.critical:
+        assert critical.value == pytest.approx(expected, rel=digits)
+        assert critical.error < 1e-6
+        assert critical.grows_above
+        assert bool(critical.eigenvalue.imag) == follower
+    assert abs(first.value - second.value) <= first.error + second.error
+    (line,) = report(found, Over("load"), "")[-1:]
+    assert f"modes {first.mode} and {second.mode} grow above" in line
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(1, [1.0]), (1.05, [1.0, 1.05])])
+def test_bifurcations_of_a_load_path_that_are_close(ratio, expected):
+    path = Path(search_start(round_column(ratio).model(())))
+    factors = [point.factor for point in path.to(1.3) if point.kind]
+    assert factors == pytest.approx(expected, rel=2e-8)
 
 
 @pytest.mark.parametrize(

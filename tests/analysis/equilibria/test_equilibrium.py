@@ -1,5 +1,7 @@
 """Equilibria that are known in closed form."""
 
+import math
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -248,6 +250,38 @@ def test_pendulum_hangs_down_and_stands_up():
     found = all_equilibria(at_start(pendulum(45.0)), REST, 4)
     assert sorted(round(float(s.place.point.state.x[0, 2]), 12) for s in found) == [-5.0, 5.0]
     assert "moved" in "\n".join(lines(at_start(pendulum(45.0)), found))
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0), (1.0, 2.0)])
+def test_two_rods_on_hinges_have_four_equilibria(angles):
+    """Standing, or anywhere: half a revolution of a hinge leads from one to the other."""
+    rods, joints, parent, at, angle = [], [], GROUND.name, np.zeros(3), 0.0
+    for name, more in zip("AB", angles, strict=True):
+        angle += more
+        along = np.array([math.sin(angle), 0.0, math.cos(angle)])
+        rotation = from_axis_angle((0.0, 1.0, 0.0), angle)
+        J = np.diag([0.1, 0.1, 0.01])
+        rods.append(body(name, 1.0, J, tuple(at + 0.5 * along), orientation=rotation))
+        hinge = (parent, name, (0.0, 0.0, 0.5 if joints else 0.0), (0.0, 0.0, -0.5))
+        joints.append(Joint(f"Hinge{name}", "revolute", *hinge, ABOUT_Y, ABOUT_Y))
+        parent, at = name, at + along
+    start = at_start(build_model(rods, joints, gravity=(0.0, 0.0, -9.81)))
+    found = all_equilibria(start, REST, 8)
+    places = sorted(tuple(np.round(s.place.point.state.x[:2, 2], 9)) for s in found)
+    assert places == [(-0.5, -1.5), (-0.5, -0.5), (0.5, 0.5), (0.5, 1.5)]
+    # Places, displacements and angles are zero or as large as the rods.
+    numbers = re.findall(r"-?\d[\d.e-]*(?=[,)]| m,| deg)", "\n".join(lines(start, found)))
+    assert all(float(x) == 0.0 or abs(float(x)) > 1e-3 for x in numbers)
+
+
+def test_a_direction_without_stiffness_is_not_damped():
+    """A damper along a rail without a spring."""
+    rail = Joint("Rail", "prismatic", GROUND.name, "B", ZERO, ZERO, ABOUT_Y, ABOUT_Y)
+    damper = JointSpring("Damper", "Rail", "slide", 0.0, 2.0)
+    start = at_start(build_model([body("B", 1.0, np.eye(3), ZERO)], [rail], loads=[damper]))
+    head = lines(start, all_equilibria(start, REST, 1))
+    assert "stable, all motions but those without stiffness are damped" in head[2]
+    assert "1 direction without stiffness" in head[3]
 
 
 def test_a_pendulum_that_begins_level_hangs_down():

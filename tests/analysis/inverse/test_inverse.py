@@ -327,6 +327,28 @@ def test_noise_is_smoothed():
     assert wrong[1] < smooth.rows.error[inner].max()
 
 
+@pytest.mark.parametrize("rows", [26, 101, 401, 1001])
+@pytest.mark.parametrize("noise", [1e-6, 1e-4, 1e-2])
+def test_errors_of_smoothed_accelerations_are_within_their_bars(rows, noise):
+    """Of two vibrations, with noise of its own sample for each."""
+    time = np.linspace(0.0, 2.0, rows)
+    exact = -9.0 * np.sin(3.0 * time) - 14.7 * np.sin(7.0 * time + 1.0)
+    outside, largest = [], []
+    for seed in range(5):
+        error = noise * np.random.default_rng(seed).normal(size=rows)
+        values = np.sin(3.0 * time) + 0.3 * np.sin(7.0 * time + 1.0) + error
+        track = Track("J.angle", "J", "joint", "angle", values[:, None])
+        used, *others = (way.accelerations[:, 0] for way in derived(time, track, noise))
+        bar = 2.0 * np.max([np.abs(other - used) for other in others], axis=0)
+        outside.append(np.mean(np.abs(used - exact) > bar))
+        largest.append((np.abs(used - exact) / bar).max())
+        # Bars are of use: the errors are not lost in them.
+        assert np.median(bar / np.abs(used - exact)) < 400.0
+    # Three standard deviations; what a spline cannot follow is estimated by another one.
+    assert np.mean(outside) < 0.02
+    assert max(largest) < 1.7
+
+
 def test_jacobian_and_drift_of_the_given_values_against_differences():
     """Of an angle, a slide and a point, along a motion with velocities and accelerations."""
     model = msahl.load(ROBOT)

@@ -154,6 +154,40 @@ TWO_SPRINGS = """<data><parameters><parameter name="k" units="N/m">1</parameter>
 <simulation><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation></data>"""
 
 
+@pytest.mark.parametrize(
+    ("y", "damping", "values", "expected"),
+    [
+        # Both directions lose their stiffness together, or one a little later, at a value given or
+        # not. Frequencies without damping are square roots there.
+        ("k", "", (-1.0, -0.3, 0.5), (0.0, 0.0)),
+        ("k", "", (-1.0, 0.0, 0.5), (0.0, 0.0)),
+        ("k-0.3", "", (-1.0, 1.0), (0.0, 0.3)),
+        ("k-1e-8", "", (-1.0, 1.0), (0.0, 1e-8)),
+        ("k", "<damping><x>0.2</x><y>0.2</y></damping>", (-1.0, 0.5), (0.0, 0.0)),
+        ("k-0.01", "<damping><x>0.2</x><y>0.2</y></damping>", (-1.0, 0.5), (0.0, 0.01)),
+    ],
+)
+def test_two_modes_that_become_critical_together(y, damping, values, expected):
+    source = TWO_SPRINGS.replace(' units="N/m"', "")
+    source = source.replace("<y>1</y>", f"<y>{{{y}}}</y><z>1</z>")
+    parsed = ParsedDeck(Source.of(source.replace("</stiffness>", "</stiffness>" + damping)))
+    built = []
+
+    def point_of(k):
+        built.append(k)
+        return at_start(parsed.model([f"k={k!r}"]))
+
+    found = campbell(point_of, values)
+    assert len({c.mode for c in found.critical}) == 2
+    for critical, value in zip(found.critical, expected, strict=True):
+        assert abs(critical.value - value) <= critical.error + 1e-16 * value
+        assert critical.error <= 1e-14
+        assert critical.eigenvalue == 0.0
+        assert not critical.grows_above
+    # Two roots by Brent's method.
+    assert len(built) <= 60
+
+
 def test_values_without_modes_are_reported():
     def point_of(value):
         if value == 2.0:

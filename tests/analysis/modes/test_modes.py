@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import msahl
 from msahl.algebra.vector import ZERO
 from msahl.analysis.linearised.point import at_start, at_time
 from msahl.analysis.modes.eigenvalues import eigenvalues
 from msahl.analysis.modes.solution import modes
 from msahl.deck import read_deck
 from msahl.model import Joint
+from msahl.start.velocities import StartError
 from tests.support.models import GROUND, ROOT, body, build_model, deck, free_bodies, pendulum
 
 BICYCLE = ROOT / "decks" / "mechanisms" / "bicycle.xml"
@@ -236,3 +238,27 @@ def test_eigenvalues_of_a_matrix_with_jordan_blocks():
     assert np.abs(residual[:, 4:]).max() <= 1e-10 * np.abs(found.vector[:, 4:]).max()
     errors = np.abs(found.value[4:] - [-1e-3, 2.0, -40.0])
     assert np.all(errors <= found.error[4:])
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((-1,), "at -1: give a time in seconds, zero or more, or 'equilibrium'"),
+        (("never",), "at never"),
+        ((0.0, 0), "number 0: ask for at least one mode"),
+        ((0.0, None, -2.0), "near -2: give a frequency"),
+        ((0.0, None, 0.0, "quick"), "method 'quick': choose one of auto, dense, sparse"),
+    ],
+)
+def test_arguments_without_a_meaning_are_refused(words, expected):
+    model = msahl.load(ROOT / "decks/basics/parameters.xml")
+    with pytest.raises(msahl.OptionError, match=expected):
+        model.modes(*words)
+
+
+def test_too_many_rigid_body_modes_are_refused_without_matrices(monkeypatch):
+    bodies = [body(f"B{k}", 1.0, np.eye(3), (float(k), 0.0, 0.0)) for k in range(101)]
+    name = "msahl.analysis.modes.solution.pencil"
+    monkeypatch.setattr(name, lambda *_: pytest.fail("matrices were built"))
+    with pytest.raises(StartError, match="at least 606 rigid-body modes"):
+        modes(at_start(build_model(bodies)))

@@ -4,9 +4,12 @@ import http.client
 import json
 import re
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
+import time
 import urllib.request
 from urllib.parse import urlsplit
 
@@ -71,6 +74,31 @@ def test_nothing_else_is_served(server):
     # A page of another address may be made to ask under its own name.
     assert ask(server, path, host="evil.example")[0] == 404
     assert ask(server, path, host=server.hosts[1])[0] == 200
+
+
+@pytest.mark.parametrize("target", ["http://[", "//[::1", "/%zz/", "*", "http://a:b/", "/\xff"])
+def test_an_address_that_is_none_is_answered(server, capfd, target):
+    with socket.create_connection(server.hosts[0].split(":")) as client:
+        request = f"GET {target} HTTP/1.0\r\nHost: {server.hosts[0]}\r\n\r\n"
+        client.sendall(request.encode("latin-1"))
+        assert client.makefile("rb").readline().split()[1] == b"404"
+    assert capfd.readouterr().err == ""
+
+
+def test_a_tab_that_is_closed_is_no_fault(server, capfd):
+    """The answer of several megabytes does not fit into the buffers of a connection."""
+    server.replace("x" * 2**23)
+    path = urlsplit(server.address).path
+    for target in (path, f"{path}version?after=1"):
+        client = socket.create_connection(server.hosts[0].split(":"))
+        client.sendall(f"GET {target} HTTP/1.0\r\nHost: {server.hosts[0]}\r\n\r\n".encode())
+        # Closing with 0 s to linger resets the connection, as a browser does that is ended.
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        time.sleep(0.1)
+        client.close()
+    server.replace("two")
+    assert ask(server, path) == (200, b"two")
+    assert capfd.readouterr().err == ""
 
 
 @pytest.fixture

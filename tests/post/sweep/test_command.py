@@ -15,8 +15,12 @@ from msahl.cli.main import main as msahl
 from msahl.post.cli import main
 from msahl.post.measures import parse_measure, unit_of
 from msahl.post.sweep import read as reading
+from msahl.post.sweep import sweep_page
 from msahl.post.sweep.read import read_sweep
 from msahl.post.sweep.statistics import indices_of
+from msahl.post.sweep.sweep_page import write_sweep_page
+from msahl.post.sweep.sweep_tables import all_indices
+from msahl.results.info import ResultError
 from msahl.sweep import store
 from tests.support.hostile import PAYLOADS as HOSTILE
 from tests.support.hostile import assert_nothing_ran
@@ -76,7 +80,7 @@ def test_failed_points_are_counted_everywhere(tmp_path):
     (row,) = csv.DictReader(io.StringIO((folder / "report" / "statistics.csv").read_text()))
     assert (row["points"], row["missing"], row["fail"]) == ("12", "2", "1")
     assert (row["min"], row["max"]) == ("2.0", "24.0")
-    assert row["max_at"] == "a = 4, b [cm] = 2"
+    assert row["max_at"] == "a = 4, b = 2 cm"
 
 
 @pytest.mark.parametrize(("goal", "point", "value"), [("min", 2, 2.0), ("max", 11, 23.0)])
@@ -188,7 +192,7 @@ def test_the_page_has_short_numbers_and_units(tmp_path):
     assert "0.30000000000000004" not in page + result.stdout
     for text in ("a [rad/s]", "load final [N m]", ">0.3<", ">0.666667<", ">1.000000001<"):
         assert text in page, text
-    assert "a [rad/s] = 0.3, b = 1" in result.stdout
+    assert "a = 0.3 rad/s, b = 1" in result.stdout
 
 
 def test_hostile_names_run_no_script(tmp_path):
@@ -246,7 +250,7 @@ def test_the_same_sweep_gives_the_same_bytes(tmp_path):
     [
         (lambda d: (d / "sweep.json").unlink(), "not the folder of a sweep (no sweep.json)"),
         (lambda d: (d / "sweep.json").write_text("{"), "not JSON"),
-        (lambda d: (d / "sweep.json").write_text("[]"), "does not describe a sweep"),
+        (lambda d: (d / "sweep.json").write_text("[]"), "the file is a list, not an object"),
         (lambda d: (d / "runs.csv").unlink(), "the sweep has no outcomes yet"),
         (lambda d: (d / "runs.csv").write_text("point,a\n1,2\n"), "no column 'b [cm]'"),
         (lambda d: (d / "runs.csv").write_bytes(b"\xff\xfe"), "cannot be read"),
@@ -263,6 +267,57 @@ def test_damaged_folders_are_one_sentence(tmp_path, damage, message):
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def places(value, path=()):
+    """The keys to every part of a JSON value."""
+    yield path
+    if isinstance(value, dict | list):
+        for key in value if isinstance(value, dict) else range(len(value)):
+            yield from places(value[key], (*path, key))
+
+
+def put(value, path, new):
+    """A copy of a JSON value with a ``new`` part."""
+    if not path:
+        return new
+    copied = value.copy()
+    copied[path[0]] = put(value[path[0]], path[1:], new)
+    return copied
+
+
+def is_refused(folder):
+    """Whether a folder is refused, in one line; a page of it is written otherwise."""
+    try:
+        read = read_sweep(folder)
+    except ResultError as error:
+        return "\n" not in str(error)
+    write_sweep_page(read, all_indices(read), folder / "report", ())
+    return False
+
+
+@pytest.mark.parametrize("sample", [None, {"kind": "saltelli", "n": 3, "seed": 0}])
+def test_every_field_may_hold_any_value(tmp_path, sample, monkeypatch):
+    monkeypatch.setattr(sweep_page, "pictures", lambda *_: ())  # which take most of the time
+    folder, refused, cases = grid(tmp_path / "s", sample=sample), 0, 0
+    for name, values in (
+        ("sweep.json", (None, True, -1, 1e308, "x", [], [1], [[]], {}, {"a": [1]})),
+        ("runs.csv", ("", "x", "-1", "1e999", "nan", "\u0661", "\x00", '"a\nb"')),
+    ):
+        sound = (folder / name).read_text()
+        is_json = name == "sweep.json"
+        content = json.loads(sound) if is_json else [line.split(",") for line in sound.splitlines()]
+        for path in places(content):
+            if name == "runs.csv" and (len(path) != 2 or path[0] > 1):
+                continue
+            for value in values:
+                changed = put(content, path, value)
+                text = json.dumps(changed) if is_json else "\n".join(map(",".join, changed)) + "\n"
+                (folder / name).write_text(text)
+                refused += is_refused(folder)
+                cases += 1
+        (folder / name).write_text(sound)
+    assert 0.2 * cases < refused < cases
 
 
 def test_statistics_do_without_matplotlib(tmp_path):

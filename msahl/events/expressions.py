@@ -1,0 +1,173 @@
+"""Events of expressions: where those that the motion depends on change their formulas."""
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.functions import Laws, joined
+from msahl.elements.signals.group import REACTION, TIME, Signals
+from msahl.expressions.intervals import bounds
+from msahl.expressions.known_times import KnownTimes, dependent, known_times, operands, users
+from msahl.expressions.tape import CURVE, HELD, SURFACE, Tape
+
+KEPT = 8
+"""Searches for known times whose results are kept: the runs of one deck have the same."""
+NO_TIMES = KnownTimes(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((1, 0)))
+MOST_EXAMINED = 200_000
+"""Steps, and parts of them, that are looked at for fast inputs."""
+MET, BETWEEN = np.array([0.0, 0.5, 1.0]), np.array([0.21, 0.36, 0.64, 0.79])
+"""Times at which a run and its companion evaluate an input, and others, as fractions of a step."""
+PARABOLA = np.array(
+    [(1 - 2 * BETWEEN) * (1 - BETWEEN), 4 * BETWEEN * (1 - BETWEEN), BETWEEN * (2 * BETWEEN - 1)]
+)
+"""Weights of the values at ``MET`` in the parabola's values at ``BETWEEN``."""
+UNRESOLVED, CONSTANT = 0.3, 1e-9
+"""A step does not resolve an input that deviates from the parabola by this fraction of its change
+within the step, and of its largest value."""
+INWARDS = 1e-9
+"""Fraction of a step, from its ends, at which an input has its values within the step."""
+PARTS, UNEVEN, GOLDEN = 64, 0.3, 0.6180339887498949
+"""Parts of a step with a fast input: uneven, so that none meets the same phase in all of them."""
+
+
+class Place(NamedTuple):
+    """A value on the tape that may reach a level within a step."""
+
+    place: int
+    switch: int = -1
+    law: int = -1  # table of the tape whose breaks are the levels
+
+
+def operations_of_motion(signals: Signals) -> list[int]:
+    """Return the operations of the tape that the motion depends on."""
+    return users(signals.tape, np.concatenate([signals.rate, signals.result]))
+
+
+def places_in_motion(signals: Signals) -> Iterator[Place]:
+    """Yield the places of switches and tables that depend on the motion within a step; joints'
+    reactions are those of the step before.
+    """
+    tape = signals.tape
+    moving, held = (dependent(tape, of) for of in _inputs(signals)[1:])
+    for i in operations_of_motion(signals):
+        op, number = tape.op[i], int(tape.c[i])
+        if op == HELD:
+            place = Place(int(tape.switches.margin[number]), switch=number)
+        elif op == CURVE:
+            place = Place(int(tape.a[i]), law=number)
+        else:
+            continue
+        if moving[place.place] and not held[place.place]:
+            yield place
+
+
+def known_to(signals: Signals | None, end: float) -> KnownTimes | None:
+    """Return what expressions of the time alone change until ``end`` [s]; None without these."""
+    if signals is None:
+        return None
+    tape, (times, *others) = signals.tape, _inputs(signals)
+    if not times.size:
+        return None
+    first, moving = tape.constant.size + tape.inputs, dependent(tape, np.concatenate(others))
+    found = [i for i in operations_of_motion(signals) if not moving[first + i]]
+    if not any(tape.op[i] in (HELD, CURVE, SURFACE) for i in found):
+        return None
+    return _known(_Key(tape), tuple(found), tape.constant.size + int(times[0]), end)
+
+
+def _inputs(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the inputs of the tape: time, those that change with the motion, and reactions."""
+    number, kind = np.arange(signals.tape.inputs), signals.kind
+    kind = np.append(kind, np.full(number.size - kind.size, -1))  # of states
+    moving = (kind != TIME) & (kind != REACTION)
+    return number[kind == TIME], number[moving], number[kind == REACTION]
+
+
+class _Key:
+    """A tape that is equal to others with the same numbers."""
+
+    def __init__(self, tape: Tape) -> None:
+        self.tape = tape
+        parts = tape.constant, tape.op, tape.a, tape.b, tape.c, tape.laws.numbers
+        self._bytes = b"".join(part.tobytes() for part in (*parts, tape.surfaces.numbers))
+
+    def __hash__(self) -> int:
+        return hash(self._bytes)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self._bytes == other._bytes
+
+
+@lru_cache(maxsize=KEPT)
+def _known(key: _Key, operations: tuple[int, ...], time: int, end: float) -> KnownTimes:
+    return known_times(key.tape, list(operations), time, end)
+
+
+def all_laws(signals: Signals | None, laws: Laws) -> Laws:
+    """Return the ``laws`` of a system, and after them the tables of its expressions."""
+    return laws if signals is None else joined(laws, signals.tape.laws)
+
+
+def with_fast_inputs(
+    signals: Signals | None, known: KnownTimes | None, step: float, end: float
+) -> KnownTimes | None:
+    """Return ``known`` and times that divide those steps, of a size ``step`` [s] until ``end``, in
+    which expressions of the time change too fast for them: a companion then sees other phases of an
+    oscillation than its run does.
+    """
+    places = [] if signals is None else _timed_places(signals)
+    if signals is None or not places:
+        return known
+    known = known or NO_TIMES
+    grid = step * np.arange(1, min(math.ceil(end / step), MOST_EXAMINED))
+    borders = np.unique(np.concatenate([[0.0], known.time, grid, [min(end, grid.size * step)]]))
+    begin, size = borders[:-1], np.diff(borders)
+    fast = size * 0.0 > 1.0
+    for met, between in _samples(signals, places, begin, size):
+        deviation = np.abs(between - met @ PARABOLA).max(axis=1)
+        change = np.ptp(np.hstack([met, between]), axis=1)
+        fast |= deviation > np.maximum(UNRESOLVED * change, CONSTANT * np.abs(between).max())
+    if not fast.any():
+        return known if known.time.size or known.switch.size else None
+    parts = max(2, min(PARTS, MOST_EXAMINED // np.count_nonzero(fast)))
+    number = np.arange(1, parts)
+    share = (number + UNEVEN * (number * GOLDEN % 1.0)) / parts
+    more = (begin[fast, None] + size[fast, None] * share).ravel()
+    times = np.union1d(known.time, more)
+    rows = np.searchsorted(known.time, np.append(times[0] / 2.0, times), side="right")
+    return KnownTimes(times, known.switch, known.side[rows])
+
+
+def _timed_places(signals: Signals) -> list[int]:
+    """Return the places whose values depend on the time alone, and which the motion depends on
+    directly.
+    """
+    tape, (times, *others) = signals.tape, _inputs(signals)
+    timed = dependent(tape, times) & ~dependent(tape, np.concatenate(others))
+    first = tape.constant.size + tape.inputs
+    used = {
+        place
+        for i in operations_of_motion(signals)
+        if not timed[first + i]
+        for place in operands(tape, i)
+    }
+    used |= {int(place) for place in (*signals.rate, *signals.result)}
+    return sorted(place for place in used if timed[place] and place >= first)
+
+
+def _samples(
+    signals: Signals, places: list[int], begin: np.ndarray, size: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield the values (n, 3) and (n, 4) of each of the ``places`` at ``MET`` and ``BETWEEN``, in
+    steps from ``begin`` (n,).
+    """
+    tape, time = signals.tape, signals.tape.constant.size + int(_inputs(signals)[0][0])
+    shares = np.concatenate([INWARDS + (1.0 - 2.0 * INWARDS) * MET, BETWEEN])
+    t = (begin[:, None] + size[:, None] * shares).ravel()
+    values = bounds(tape, users(tape, np.array(places)), time, (t, t))
+    for place in places:
+        found = values[place][0].reshape(-1, shares.size)
+        yield found[:, : MET.size], found[:, MET.size :]

@@ -1,0 +1,108 @@
+"""The journal of a sweep: a line for each outcome, with a checksum.
+
+A line is JSON, and its last field is the checksum of all before it. So an outcome that a killed
+process or a full disk left torn, or that was changed afterwards, is none: its point is run again.
+"""
+
+import hashlib
+import os
+import re
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import orjson
+
+from msahl.printable import shown_path
+from msahl.sweep.faults import StoreError
+from msahl.sweep.points import Row
+
+SYNC_SECONDS = 2.0
+"""Time after which lines are flushed to the disk: what a power failure may lose [s]."""
+END = re.compile(rb',"sum":"([0-9a-f]{16})"\}\n\Z')
+
+
+class Journal:
+    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        self.synced = time.monotonic()
+        size = os.fstat(self.file).st_size
+        if size and os.pread(self.file, 1, size - 1) != b"\n":
+            self._write(b"\n")  # ends a torn line
+
+    def lock(self) -> None:
+        """Lock the file until it is closed, where that is possible; raises ``StoreError`` if
+        another process has locked it."""
+        with suppress(ImportError):  # not a Unix
+            import fcntl
+
+            try:
+                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise StoreError(
+                    f"{shown_path(self.path)}: another process is running the same points; wait "
+                    "for its end, or stop it"
+                ) from None
+            except OSError:  # a network file system that cannot lock
+                pass
+
+    def append(self, lines: Iterable[bytes]) -> None:
+        """Append lines, as ``line_of`` makes them."""
+        self._write(b"".join(lines))
+        if time.monotonic() - self.synced > SYNC_SECONDS:
+            self.sync()
+
+    def _write(self, content: bytes) -> None:
+        while content:
+            content = content[os.write(self.file, content) :]
+
+    def sync(self) -> None:
+        """Flush all lines to the disk."""
+        os.fsync(self.file)
+        self.synced = time.monotonic()
+
+    def close(self) -> None:
+        """Flush and close the file."""
+        try:
+            self.sync()
+        finally:
+            os.close(self.file)
+
+
+def journal_of_shard(k: int, n: int) -> str:
+    """The name of the journal of shard ``k`` of ``n``."""
+    return f"journal-{k}-of-{n}.jsonl"
+
+
+def line_of(row: Row) -> bytes:
+    """Return the line of a row, which ends with the checksum of all before it."""
+    content = orjson.dumps(row)[:-1]
+    return b'%s,"sum":"%s"}\n' % (content, _checksum(content))
+
+
+def row_of(line: bytes) -> Row | None:
+    """Return the row of a line; None if it is torn, or not as it was written."""
+    match = END.search(line)
+    if match is None or _checksum(line[: match.start()]) != match[1]:
+        return None
+    row: Row = orjson.loads(line)
+    return row
+
+
+def _checksum(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=8).hexdigest().encode()
+
+
+def journal_lines(path: Path) -> Iterator[tuple[int, Row]]:
+    """Yield the place of each sound line of a journal, and its row."""
+    place = 0
+    with path.open("rb") as file:
+        for line in file:
+            row = row_of(line)
+            if row is not None:
+                yield place, row
+            place += len(line)

@@ -1,0 +1,175 @@
+"""Steps end where expressions change their formulas, at known times and in the motion."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import ZERO
+from msahl.expressions.syntax import parse
+from msahl.model import Joint, JointActuator, SignalState
+from msahl.model.signals import SignalTable
+from tests.support.models import GROUND, body, build_model, simulate
+
+MASS = 2.0
+HALF = math.pi / 10.0
+"""Half a period of the spring [s] of 200 N/m."""
+SPIKE = (0.0, 0.3, 0.301, 0.302, 1.0)
+
+
+def rail(force, speed=1.0, signals=()):
+    """A body of 2 kg that slides freely, under a ``force`` by an expression."""
+    slider = body("Body", mass=MASS, velocity=(0.0, 0.0, speed))
+    joint = Joint("Rail", "prismatic", GROUND.name, "Body", ZERO, ZERO)
+    load = JointActuator("Force", "Rail", "slide", parse(force))
+    return build_model([slider], [joint], [load], signals=signals)
+
+
+def bounced(t):
+    """Where a body is that flies at -1 m/s to a spring 0.3 m away, and back."""
+    touching = -0.3 - np.sin(10.0 * (t - 0.3)) / 10.0
+    return np.select([t < 0.3, t < 0.3 + HALF], [-t, touching], t - 0.6 - HALF)
+
+
+def in_dead_zone(t):
+    """Where a body of 1 m/s is that meets a spring 0.1 m from the middle on either side."""
+    quarter = 0.2 + HALF  # from the middle to the middle again
+    half, rest = divmod(t, quarter)
+    touching = 0.1 + math.sin(10.0 * (rest - 0.1)) / 10.0
+    place = rest if rest < 0.1 else touching if rest < 0.1 + HALF else 0.2 + HALF - rest
+    return place if half % 2 == 0 else -place
+
+
+def switched(t):
+    """Where a body of 1 m/s is that a force of 20 N drives to the middle."""
+    half, rest = divmod(t, 0.2)
+    return (rest - 5.0 * rest * rest) * (1.0 if half % 2 == 0 else -1.0)
+
+
+def piecewise(t):
+    """As ``switched``, by springs of 200 N/m on one side and of 800 N/m on the other."""
+    rest = t % (1.5 * HALF)
+    stiff = rest - HALF
+    return math.sin(10.0 * rest) / 10.0 if stiff < 0.0 else -math.sin(20.0 * stiff) / 20.0
+
+
+SCENES = {
+    "one-sided spring": (rail("200*max(0, -0.3 - Rail.slide)", -1.0), bounced),
+    "by a comparison": (
+        rail("where(Rail.slide < -0.3, -200*(Rail.slide + 0.3), 0)", -1.0),
+        bounced,
+    ),
+    "dead zone": (
+        rail("-200*(max(Rail.slide - 0.1, 0) + min(Rail.slide + 0.1, 0))"),
+        in_dead_zone,
+    ),
+    "two stiffnesses": (rail("-500*Rail.slide + 300*abs(Rail.slide)"), piecewise),
+    "two-point control": (rail("-20*sign(Rail.slide)"), switched),
+    "table of the motion": (
+        rail(
+            "push(Rail.slide)",
+            -1.0,
+            (SignalTable("push", Law("linear", (-1.3, -0.3, 0.7, 200.0, 0.0, 0.0))),),
+        ),
+        bounced,
+    ),
+}
+
+
+def error(model, exact, t_final=1.0, **given):
+    run = simulate(model, t_final=t_final, solver="newton", error="off", **given)
+    assert run.report.status == "completed"
+    return abs(run.states[-1, 3] - exact(t_final))
+
+
+@pytest.mark.parametrize(("scheme", "least", "dt"), [("gauss2", 3.9, 0.02), ("gauss3", 5.8, 0.025)])
+@pytest.mark.parametrize("scene", SCENES)
+def test_order_is_kept_where_the_motion_passes_a_kink_or_a_jump(scene, scheme, least, dt):
+    model, exact = SCENES[scene]
+    errors = [error(model, exact, scheme=scheme, dt=size) for size in (dt, 0.5 * dt)]
+    # Parts of steps are not quite halved: of orders 4 and 6 this is left. Parabolas are exact.
+    assert errors[1] < 1e-13 or math.log2(errors[0] / errors[1]) > least
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_tolerances_are_kept_where_the_motion_passes_a_kink_or_a_jump(scene):
+    model, exact = SCENES[scene]
+    for tolerance in (1e-3, 1e-6, 1e-9):
+        simulation = replace(model.simulation, scheme="auto", tolerance=tolerance)
+        run = simulate(replace(model, simulation=simulation), solver="newton")
+        assert run.report.status == "completed"
+        assert abs(run.states[-1, 3] - exact(1.0)) < tolerance
+
+
+def spike(height):
+    table = SignalTable("spike", Law("linear", (*SPIKE, 0.0, 0.0, height, 0.0, 0.0)))
+    return rail("spike(t)", 0.0, (table,)), lambda t: 1e-3 * height / MASS * (t - 0.301)
+
+
+def square_wave(speed=0.0):
+    """A state that follows a square wave of 1 Hz, and pushes."""
+    signals = (SignalState("s", parse("sign(sin(2*pi*t))"), 0.0),)
+    return rail("2*s", speed, signals), lambda t: {1.0: 1.0 / 8.0, 0.5: 1.0 / 48.0}[t]
+
+
+def sampled():
+    """A force that holds each value of t for a third of a second, and begins to act at 1/7 s."""
+
+    def exact(t):
+        total = 0.0
+        for k in range(3):
+            begin = max(k / 3.0, 1.0 / 7.0)
+            end = (k + 1) / 3.0
+            total += 6.0 / MASS * (k + 1) / 3.0 * (end - begin) * (t - 0.5 * (begin + end))
+        return total
+
+    return rail("where(t < 1/7, 0, 6*(floor(3*t) + 1)/3)", 0.0), exact
+
+
+TIMED = {"spike": spike(500.0), "square wave": square_wave(), "sampled": sampled()}
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2", "radau3", "auto"])
+@pytest.mark.parametrize("scene", TIMED)
+def test_times_in_expressions_are_not_jumped_over(scene, scheme):
+    """Between them the laws are polynomials of degree one, which all schemes integrate exactly; a
+    spike of 2 ms is within one step. The discrete midpoint of the state has order 2."""
+    model, exact = TIMED[scene]
+    if scheme == "auto":
+        simulation = replace(model.simulation, scheme="auto", tolerance=1e-9)
+        model, scheme = replace(model, simulation=simulation), None
+    given = {} if scheme is None else {"error": "off"}
+    run = simulate(model, dt=0.01, scheme=scheme, solver="newton", **given)
+    assert run.report.status == "completed"
+    off = abs(run.states[-1, 3] - exact(1.0))
+    assert off < (1e-5 if (scene, scheme) == ("square wave", "preserving") else 1e-9)
+
+
+@pytest.mark.parametrize("scheme", ["gauss2", "radau2"])
+def test_motion_that_slides_along_a_jump_is_named(scheme):
+    """Beyond x + v/5 = 0.1 the force drives the body back, and before it forth."""
+    model = rail("-20*sign(Rail.slide + 0.2*Rail.slideRate - 0.1)")
+    run = simulate(model, dt=0.02, scheme=scheme, solver="newton", error="off")
+    assert "slides along a jump in the expression of load 'Force'" in run.report.message
+
+
+def test_roots_beyond_a_level_do_no_harm():
+    """The switch is not held where its branch has no value beyond the level."""
+    model = rail("where(Rail.slide < -0.3, 900*(-0.3 - Rail.slide)^1.5, 0)", -1.0)
+    smooth = rail("900*max(0, -0.3 - Rail.slide)^1.5", -1.0)
+    given = {"dt": 0.005, "scheme": "gauss2", "solver": "newton", "error": "off"}
+    runs = [simulate(one, **given) for one in (model, smooth)]
+    assert runs[0].report.status == "completed"
+    assert abs(runs[0].states[-1, 3] - runs[1].states[-1, 3]) < 1e-9
+
+
+def test_inputs_that_are_faster_than_the_steps_are_in_the_estimated_error():
+    """400 Hz at steps of 10 ms: both runs would meet the same phase in each step."""
+    omega = 800.0 * math.pi
+    model = rail(f"800*sin({omega}*t)", 0.0)
+    run = simulate(model, dt=0.01, t_final=0.1, scheme="preserving", solver="newton")
+    true = abs(run.states[-1, 3] - 400.0 / omega * 0.1)
+    assert true > 1e-2
+    assert 0.3 < run.report.error["position"] / true < 10.0
