@@ -24,7 +24,9 @@ COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joi
   $(patsubst %,study/test_study.py::test_%,errors_of_a_rotated_body faults_are_reported) \
   $(patsubst %,system/test_%.py,build evaluate nonfinite))
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
-OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
+# The path of a deck may have spaces, at which make's functions would divide it.
+SPACE := $(subst ,, )
+OUT := $(RESULTS)/$(basename $(notdir $(subst $(SPACE),_,$(DECK))))
 
 SITE := build/site
 
@@ -67,8 +69,8 @@ help:
 	@echo 'make clean           remove results and build products, but keep .venv'
 
 run: .venv/installed
-	$(BIN)/msahl run $(DECK) -o $(OUT)
-	@$(BIN)/msahl-post report $(OUT) > /dev/null
+	$(BIN)/msahl run "$(DECK)" -o "$(OUT)"
+	@$(BIN)/msahl-post report "$(OUT)" > /dev/null
 	@echo 'tables:   $(OUT)/states.csv and others beside it'
 	@echo 'report:   $(OUT)/report/report.html (or report.md)'
 	@echo 'pictures: $(OUT)/report/'

@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import EPIPE
@@ -85,18 +86,28 @@ def writing(path: Path, remedy: str = "") -> Iterator[None]:
         sys.exit(NOT_WRITTEN)
 
 
+def _show_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
+    """Print a warning of Python without the line of the source. Those of arithmetic say nothing to
+    a user: results are checked for numbers that are not finite."""
+    if not issubclass(category, RuntimeWarning):
+        say(f"WARN: {printable(str(message))}")
+
+
 class Program(click.Group):
     """A program of several commands, of which each reports its own faults."""
 
     def main(self, *args: Any, **settings: Any) -> Any:
         """Enter the program; what cannot be read or printed is reported in one line."""
         open_standard_streams()
+        shown, warnings.showwarning = warnings.showwarning, _show_warning
         try:
             return super().main(*args, **settings)
         except NotPrintedError as error:
             self._report(error.__cause__)
         except OSError as error:  # of what click prints, or of a file that cannot be read
             self._report(error)
+        finally:
+            warnings.showwarning = shown
 
     def _report(self, error: Any) -> NoReturn:
         """End the program because of a file, or of standard output if ``error`` names none."""

@@ -1,6 +1,10 @@
 """An installed package has every module, which an editable installation would not miss."""
 
+import shutil
+import subprocess
 import tomllib
+
+import pytest
 
 from tests.support.models import ROOT
 
@@ -16,3 +20,11 @@ def test_every_package_is_installed():
         for path in (ROOT / "msahl").rglob("__init__.py")
     }
     assert sorted(found | DATA) == sorted(listed)
+
+
+@pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
+def test_the_path_of_a_deck_may_have_spaces():
+    command = ["make", "-n", "run", "DECK=my decks/a deck.xml", "PYTHON=true"]
+    shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert 'msahl run "my decks/a deck.xml" -o "results/a_deck"' in shown
+    assert 'msahl-post report "results/a_deck"' in shown

@@ -42,6 +42,10 @@ Moments = tuple[float, float, float, float, float]
 NONE: Moments = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+NEARBY = 2.0**-26
+"""Relative change of a number for the derivative by it: half of the digits."""
+
+
 @dataclass(frozen=True, slots=True)
 class Law:
     """A law as the deck gives it; ``numbers`` by kind:
@@ -170,6 +174,20 @@ def extent(laws: Laws, law: int, t: float) -> float:
         power *= x
     # The argument itself has the round-off of t.
     return total + abs(t * _polynomial(numbers, first, last, x)[1])
+
+
+def rate_round_off(laws: Laws, law: int, t: float) -> float:
+    """Return how much the rate of ``law`` at ``t`` changes by the round-off of its numbers: a rate
+    below that, as of a sine at its crest, may be zero.
+    """
+    numbers = laws.numbers.copy()
+    changed = laws._replace(numbers=numbers)
+    rate, total = evaluate(laws, law, t)[1], 0.0
+    for k in range(laws.first[law], laws.first[law + 1]):
+        numbers[k] *= 1.0 + NEARBY
+        total += abs(evaluate(changed, law, t)[1] - rate)
+        numbers[k] = laws.numbers[k]
+    return float(np.finfo(float).eps / NEARBY * total)
 
 
 @kernel

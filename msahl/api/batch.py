@@ -16,6 +16,7 @@ from itertools import chain, islice
 from queue import SimpleQueue
 from typing import Any, Literal, Unpack, overload
 
+from msahl.api.arguments import COUNT, Choice, Names, require
 from msahl.api.model import Model, Value
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
@@ -97,25 +98,29 @@ def batch(
     Results are made while they are consumed, a few ahead; so the memory needed does not grow with
     the number of samples. Raises ``BatchError`` if a process is killed.
     """
-    if errors not in ERRORS:
-        raise OptionError([f"errors: it is {errors!r}; choose one of {', '.join(ERRORS)}"])
-    if jobs is not None and (not isinstance(jobs, int) or jobs < 1):
-        raise OptionError([f"jobs: it is {jobs!r}; give a number of processes, 1 or more"])
+    require(errors=(errors, Choice(ERRORS)), tables=(() if tables is None else tables, Names()))
+    if jobs is not None:
+        require(jobs=(jobs, COUNT))
+    if not isinstance(model, Model):
+        raise OptionError([f"model: it is {model!r:.200}; it must be one that msahl.load returns"])
     job = model.job(**options)
     known = [*tables_of_model(job.model), ERROR]
-    for name in tables or ():
+    tables = [tables] if isinstance(tables, str) else tables
+    for name in () if tables is None else tables:
         if name not in known:
             raise OptionError([f"tables: there is no '{name}'; it has {', '.join(known)}"])
     if hasattr(samples, "to_dict"):
         samples = samples.to_dict("records")
+    if isinstance(samples, str | bytes | Mapping) or not isinstance(samples, Iterable):
+        raise OptionError([f"samples: it is {samples!r:.200}; give a list of {{name: number}}"])
     runs = _Runs(model, job, options, tables)
     return runs.results(map(_checked, samples), jobs, errors == "return", _length(samples))
 
 
 def _checked(sample: Sample) -> Sample:
-    """Return a sample; raises ``TypeError`` if it is none."""
-    if not isinstance(sample, Mapping):
-        raise TypeError(f"samples: one is {sample!r}; give a list of {{name: number}}")
+    """Return a sample; raises ``OptionError`` if it is none."""
+    if not isinstance(sample, Mapping) or not all(isinstance(name, str) for name in sample):
+        raise OptionError([f"samples: one is {sample!r:.200}; give a list of {{name: number}}"])
     return sample
 
 

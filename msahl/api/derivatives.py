@@ -34,7 +34,13 @@ class Gradients:
     remarks: tuple[str, ...] = ()
 
     def of(self, measure: str) -> dict[str, float]:
-        """Return the derivatives of one measure by the parameters' names."""
+        """Return the derivatives of one measure by the parameters' names.
+
+        Raises ``GradientError`` if there is no such measure.
+        """
+        if measure not in self.measures:
+            known = ", ".join(f"'{name}'" for name in self.measures)
+            raise GradientError(f"there is no measure {measure!r:.200}; there are {known}")
         row = self.jacobian[self.measures.index(measure)]
         return dict(zip(self.parameters, row.tolist(), strict=True))
 

@@ -14,6 +14,7 @@ from msahl.analysis.equilibria.tables import tables
 from msahl.analysis.linearised.point import Point
 from msahl.api.html import html_table
 from msahl.deck import ParsedDeck, Source
+from msahl.results.info import NoColumnError, ResultError
 from msahl.results.job import Job
 from msahl.start.velocities import StartError
 
@@ -56,8 +57,8 @@ class Equilibrium:
         """Return a table as a pandas frame with one row."""
         import pandas as pd
 
-        if table not in self._tables:
-            raise KeyError(f"there is no table {table!r}; it has {', '.join(self._tables)}")
+        if not isinstance(table, str) or table not in self._tables:
+            raise ResultError(f"there is no table {table!r}; it has {', '.join(self._tables)}")
         columns, rows = self._tables[table]
         return pd.DataFrame(rows[:, 1:], columns=columns[1:])
 
@@ -66,7 +67,7 @@ class Equilibrium:
         for columns, rows in self._tables.values():
             if column in columns[1:]:
                 return float(rows[0, columns.index(column)])
-        raise KeyError(
+        raise NoColumnError(
             f"no table has a column {column!r}; the tables are {', '.join(self._tables)}"
         )
 

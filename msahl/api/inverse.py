@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.analysis.inverse.columns import in_si
+from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.load_lines import lines
 from msahl.analysis.inverse.run_error import run_error
 from msahl.analysis.inverse.run_tables import about, drive_columns, drive_rows, report, tables
@@ -110,8 +111,16 @@ def read(motion: Any, model: Model, name: str, mapping: Mapping[str, str]) -> Gi
             parts.append(motion.array(ACCELERATIONS)[:, 1:])
         given = motion_of_table(columns, np.concatenate(parts, axis=1), model, name)
         return replace(given, error=run_error(motion.report))
-    columns = [str(column) for column in motion]
-    numbers = np.stack([np.asarray(motion[column], dtype=float) for column in motion], axis=1)
+    try:
+        columns = [str(column) for column in motion]
+        numbers = np.array([motion[column] for column in motion], dtype=float).T
+    except (TypeError, ValueError, IndexError, KeyError, OverflowError):
+        numbers = np.zeros(0)
+    if numbers.ndim != 2:
+        raise InverseError(
+            f"{name}: give the path of a table, a result, a pandas frame, or columns of as many "
+            "numbers by name"
+        )
     return motion_of_table(*in_si(columns, numbers, mapping, name), model, name)
 
 

@@ -9,6 +9,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Unpack
 
+from msahl.api.arguments import (
+    COUNT,
+    NOT_NEGATIVE,
+    At,
+    Choice,
+    Mapped,
+    Names,
+    Numbers,
+    Weights,
+    require,
+)
 from msahl.api.html import html_table
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
@@ -65,6 +76,13 @@ class Model:
         if isinstance(model, Records):
             require_sound(model)
             model = ParsedDeck(Source.of_model(model))
+        if not isinstance(model, ParsedDeck):
+            raise TypeError(
+                f"a model is made of records (msahl.model.Model), not {type(model).__name__}; of "
+                "a deck msahl.load makes one"
+            )
+        if changes is not None and not isinstance(changes, Mapping):
+            raise OptionError([f"changes: it is {changes!r:.200}; it must be numbers by name"])
         self._deck = model
         self.changes: dict[str, Value] = dict(changes or {})
         self._settings = tuple(
@@ -98,7 +116,8 @@ class Model:
         the ``gradient`` of the results holds the derivatives of the former by the latter; raises
         ``GradientError``, a ``ValueError``, if there are none.
         """
-        if not gradient and not wrt:
+        require(gradient=(gradient, Names()), wrt=(wrt, Names()))
+        if not len(gradient) and not len(wrt):
             return run_job(self.job(**options))
         from msahl.api.gradients import run_with_gradients
 
@@ -115,7 +134,10 @@ class Model:
 
         Raises ``GradientError``, a ``ValueError``, if there are none, and what ``run`` raises.
         """
-        found = self.run(gradient=measures, wrt=wrt, **options).gradient
+        from msahl.api.gradients import run_with_gradients
+
+        require(measures=(measures, Names()), wrt=(wrt, Names()))
+        found = run_with_gradients(self.job(**options), measures, wrt).gradient
         assert found is not None
         return found
 
@@ -137,6 +159,9 @@ class Model:
         """
         from msahl.api.inverse import loads_of
 
+        weights = {} if weights is None else weights
+        require(loads=(loads, Names()), weights=(weights, Weights()), smooth=(smooth, NOT_NEGATIVE))
+        require(columns=(columns, Mapped()))
         return loads_of(self.job(), motion, loads, weights, smooth, companion, columns)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
@@ -144,6 +169,8 @@ class Model:
         given: dict[str, Any] = dict(options)
         condition, settings, records = given.pop("stop_when", None), self._settings, self.records
         if condition is not None:
+            if not isinstance(condition, str) or not condition.isprintable():
+                raise OptionError([f"stop_when: it is {condition!r:.200}; it must be a condition"])
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
@@ -161,6 +188,7 @@ class Model:
         from msahl.analysis.kinematics.solution import options_of
         from msahl.api.kinematics import kinematics_of
 
+        require(every=(every, COUNT))
         return kinematics_of(self.job(**options_of(step, t_final)), every)
 
     def equilibrium(self, rotation: Sequence[float] = (0.0, 0.0, 0.0)) -> "Equilibrium":
@@ -170,6 +198,7 @@ class Model:
         """
         from msahl.api.equilibria import equilibrium_of
 
+        require(rotation=(rotation, Numbers(3)))
         return equilibrium_of(self.job(), rotation, lambda deck: Model(deck, {}))
 
     def equilibria(
@@ -180,6 +209,7 @@ class Model:
         """
         from msahl.api.equilibria import equilibria_of
 
+        require(starts=(starts, COUNT), rotation=(rotation, Numbers(3)))
         return equilibria_of(self.job(), starts, rotation, lambda deck: Model(deck, {}))
 
     def linearize(
@@ -200,6 +230,9 @@ class Model:
         from msahl.analysis.equilibria.at import point_at
         from msahl.analysis.state_space.linearize import linearize
 
+        require(inputs=(inputs, Names()), outputs=(outputs, Names()), at=(at, At()))
+        require(states=(states, Choice(("coordinates", "nullspace"))))
+        inputs, outputs = _listed(inputs), _listed(outputs)
         return linearize(point_at(self.records, at), tuple(inputs), tuple(outputs), states)
 
     def modes(
@@ -217,6 +250,7 @@ class Model:
         from msahl.analysis.modes.following import Request
         from msahl.api.modes import modes_of
 
+        _require_modes(at, number, near, method)
         return modes_of(self.records, at, Request(number, near, method))
 
     def modes_over(
@@ -236,6 +270,10 @@ class Model:
         from msahl.analysis.modes.following import Request
         from msahl.api.modes import modes_of_many
 
+        _require_modes(at, number, near, method)
+        require(values=(values, Numbers(least=1)), orders=(orders, Numbers()))
+        if not isinstance(name, str):
+            raise OptionError([f"name: it is {name!r:.200}; it must be a text"])
         unit = self.parameters.get(name, {}).get("units", "")
         over = Over(name, "" if unit == "1" else unit, tuple(orders))
         self.with_(**{name: values[0]})  # a wrong name is a fault, not a value without modes
@@ -288,6 +326,19 @@ class Model:
             **{name: str(value) for name, value in self.changes.items()},
         }
         return html_table(self.title or "model", rows)
+
+
+def _listed(names: str | Sequence[str]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _require_modes(at: float | str, number: int | None, near: float, method: str) -> None:
+    """Raise ``OptionError`` for wrong arguments of ``modes`` and ``modes_over``."""
+    from msahl.analysis.modes.solution import METHODS
+
+    require(at=(at, At()), near=(near, NOT_NEGATIVE), method=(method, Choice(tuple(METHODS))))
+    if number is not None:
+        require(number=(number, COUNT))
 
 
 def _restored(source: Source, changes: dict[str, Value]) -> Model:

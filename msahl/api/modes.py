@@ -25,6 +25,7 @@ from msahl.analysis.modes.solution import COLUMNS as MODE_COLUMNS
 from msahl.analysis.modes.solution import Modes as Found
 from msahl.analysis.modes.solution import mode_rows, shape_columns
 from msahl.analysis.modes.solution import modes as modes_at
+from msahl.api.arguments import Integer, require
 from msahl.api.html import html_table
 from msahl.model import Model as Records
 
@@ -57,11 +58,10 @@ class Modes:
 
     def shape(self, mode: int) -> dict[str, complex]:
         """Return the shape of a mode (from 1, as in ``modes.csv``): parts by name, such as
-        ``"Frame.y"`` [m] and ``"Fork.rz"`` [rad].
+        ``"Frame.y"`` [m] and ``"Fork.rz"`` [rad]; raises ``OptionError`` if there is no such mode.
         """
         found = self._found
-        if not 1 <= mode <= found.value.size:
-            raise IndexError(f"mode {mode} does not exist: there are {found.value.size}")
+        require(mode=(mode, Integer(1, found.value.size)))
         names = [column.removesuffix(".real") for column in shape_columns(self._point)[1::2]]
         parts = np.concatenate([found.shape[mode - 1].reshape(-1), found.states[mode - 1]])
         return dict(zip(names, parts.tolist(), strict=True))

@@ -10,8 +10,9 @@ import numpy as np
 
 from msahl.api.html import html_table
 from msahl.model import Model as Records
+from msahl.printable import shown_path
 from msahl.results.folder import find
-from msahl.results.info import ResultError
+from msahl.results.info import NoColumnError, ResultError
 from msahl.results.job import Job
 from msahl.results.session import write_run
 from msahl.results.write import DECK
@@ -128,7 +129,7 @@ class Result:
 
     def array(self, table: str) -> np.ndarray:
         """Return a table (rows, columns); its first column is the time [s]."""
-        if table not in self._arrays:
+        if not isinstance(table, str) or table not in self._arrays:
             raise ResultError(f"the run has no table '{table}'; it has {', '.join(self.tables)}")
         return self._arrays[table]
 
@@ -141,10 +142,10 @@ class Result:
 
     def frame(self, table: str) -> "pd.DataFrame":
         """Return a table as a pandas frame, which shares the memory of ``array(table)``."""
+        columns = self.columns(table)
         if table not in self._frames:
             import pandas as pd
 
-            columns = self.columns(table)
             self._frames[table] = pd.DataFrame(self.array(table), columns=columns, copy=False)
         return self._frames[table]
 
@@ -154,7 +155,7 @@ class Result:
             names = self.columns(table)
             if column in names:
                 return self.array(table)[:, names.index(column)]
-        raise KeyError(f"no column '{column}'; columns(table) lists those of a table")
+        raise NoColumnError(f"no column '{column}'; columns(table) lists those of a table")
 
     @property
     def time(self) -> np.ndarray:
@@ -290,7 +291,10 @@ def read(folder: str | PathLike[str]) -> Result:
     """
     from msahl.results.read import read_run
 
-    run = read_run(Path(folder))
+    try:
+        run = read_run(Path(folder))
+    except OSError as error:
+        raise ResultError(f"{shown_path(folder)}: {error.strerror or error}") from error
     found = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
     frames = {
         name: frame for name, frame in {**found, ERROR: run.errors}.items() if frame is not None

@@ -18,7 +18,7 @@ from msahl.check.faults import Fault, Finding, ModelError, number_findings
 from msahl.check.joint_fit import fit_findings, twist_findings
 from msahl.check.joints import coupling_findings, joint_findings, kind_findings
 from msahl.check.laws import law_findings
-from msahl.check.loads import element_findings, repeated_motions
+from msahl.check.loads import element_findings, repeated_motions, speed_jumps
 from msahl.check.loads import start_findings as placed_findings
 from msahl.check.markers import group_findings, marker_findings, sensor_findings
 from msahl.check.names import RESERVED, name_messages, signal_name_messages, unresolved
@@ -207,3 +207,5 @@ def _motion_faults(model: Model) -> Iterator[Fault]:
     pairs = [(motion.joint, motion.coordinate) for motion in motions]
     for index, message in repeated_motions(pairs, lambda first: f"'{motions[first].name}'"):
         yield Fault("motion", motions[index].name, "", message)
+    for index, message in speed_jumps(model.motions, model.simulation):
+        yield Fault("motion", model.motions[index].name, "law", message)

@@ -27,8 +27,10 @@ from msahl.model import (
     MarkerActuator,
     PointLoad,
     PointMotion,
+    Simulation,
     SpringDamper,
 )
+from msahl.model.scheme import AUTO, COLLOCATION
 
 UNIT_LENGTH = 1e-9
 """Largest difference from one of the length of a unit vector."""
@@ -195,6 +197,33 @@ RULES: dict[type, Callable[[Any, Context], Iterator[Finding]]] = {
 def element_findings(element: Any, context: Context) -> Iterator[Finding]:
     """Find what is wrong with a load or motion, apart from places, names, laws and sizes."""
     yield from RULES[type(element)](element, context)
+
+
+def speed_jumps(
+    motions: Sequence[JointMotion | PointMotion], simulation: Simulation
+) -> Iterator[tuple[int, str]]:
+    """Yield (index, message) for each prescribed motion by a linear table whose speed jumps during
+    a run by a tolerance: its impulses are in no step, however short.
+    """
+    given = simulation.local_tolerance is not None or simulation.tolerance is not None
+    if simulation.scheme != AUTO and not (given and simulation.scheme in COLLOCATION):
+        return
+    for index, motion in enumerate(motions):
+        if motion.law.kind != "linear":
+            continue
+        half = len(motion.law.numbers) // 2
+        x, y = motion.law.numbers[:half], motion.law.numbers[half:]
+        slopes = [(y[k + 1] - y[k]) / (x[k + 1] - x[k]) for k in range(half - 1)]
+        entries = zip(x, [0.0, *slopes], [*slopes, 0.0], strict=True)
+        jumps = [t for t, before, after in entries if before != after]
+        inside = [t for t in jumps if 0.0 < t < simulation.t_final]
+        if inside:
+            yield (
+                index,
+                f"the speed of a linear table jumps at its entries, first at t = {inside[0]:g} s, "
+                'which no step by a tolerance can follow: write interpolation="cubic" or a <ramp>, '
+                "or run it with steps of a given size by the scheme preserving or decaying",
+            )
 
 
 def repeated_motions(

@@ -64,7 +64,8 @@ REPORT = 30.0
               help="Draw N points of the distributions: sobol:N, lhs:N (Latin hypercube), "
               "random:N, or saltelli:N, which is N (d + 2) points for the Sobol indices of d "
               "numbers.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N",
+@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0,
+              show_default=True, metavar="N",
               help="Set the seed of the sample; the same seed gives the same points.")  # fmt: skip
 @click.option("--plan", "plan_file", type=click.Path(path_type=Path), metavar="FILE",
               help="Read the points from a CSV file: a column for each number of the deck "

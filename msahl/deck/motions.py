@@ -5,10 +5,11 @@ import math
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO, Vector
 from msahl.check.context import INERTIAL
-from msahl.check.loads import UNIT_LENGTH, element_findings, repeated_motions
+from msahl.check.loads import UNIT_LENGTH, element_findings, repeated_motions, speed_jumps
 from msahl.deck.faults import Element, line_of, text
 from msahl.deck.laws import read_law
 from msahl.deck.values import Reader
+from msahl.model import Simulation
 from msahl.model.motions import JointMotion, PointMotion
 
 UNIT = {"angle": "angle", "slide": "length"}
@@ -51,6 +52,17 @@ def _direction(element: Element, reader: Reader) -> Vector:
     if abs(math.hypot(*given) - 1.0) <= UNIT_LENGTH:
         return given
     return reader.direction(direction, INERTIAL) or (0.0, 0.0, 1.0)
+
+
+def check_speeds(
+    elements: list[Element],
+    motions: list[JointMotion | PointMotion],
+    simulation: Simulation,
+    reader: Reader,
+) -> None:
+    """Add a fault for every motion whose speed jumps in a run by a tolerance."""
+    for index, message in speed_jumps(motions, simulation):
+        reader.faults.add(elements[index], message, elements[index].find("law"))
 
 
 def check_prescribed_once(elements: list[Element], reader: Reader) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import build_laws, evaluate
+from msahl.algebra.functions import build_laws, evaluate, rate_round_off
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
 from msahl.check.directions import (
@@ -52,6 +52,9 @@ from msahl.model.joints import Joint
 
 CONSISTENT = 1e-9
 """Violation rate, relative to the largest speed, that counts as round-off."""
+ROUNDING = 16.0
+"""Of the numbers of a prescribed motion: below as many its rate is that of round-off, which sums
+over the numbers, and over the bodies of a loop."""
 
 
 def place_by_joints(root: Element, reader: Reader) -> None:
@@ -87,6 +90,7 @@ class _Placing:
     places: dict[str, Place] = field(default_factory=dict)
     velocities: dict[str, Rates] = field(default_factory=dict)
     moving: dict[str, Rates] = field(default_factory=dict)
+    round_off: float = 0.0  # of the rates of prescribed motions [m/s] or [rad/s]
     is_sound: bool = True
 
     def __post_init__(self) -> None:
@@ -294,7 +298,7 @@ class _Placing:
             known = linkage.velocities(given, fixed, 1)
             speed = max((float(np.abs(rates.v).max()) for rates in known.rates.values()), default=0)
             spin = max((float(np.abs(rates.w).max()) for rates in known.rates.values()), default=0)
-            if not left <= CONSISTENT * (speed + spin * self._length()):
+            if not left <= CONSISTENT * (speed + spin * self._length()) + self.round_off:
                 self._fail(
                     self._element(name),
                     f"the given rates and velocities contradict it: {left:.3g} m/s (or rad/s) "
@@ -329,13 +333,15 @@ class _Placing:
             motion = read_joint_motion(element, self.reader)
             self.is_sound &= self.reader.faults.sound(element)
             if self.is_sound and motion.joint in by_name:
-                rate = evaluate(build_laws([motion.law]), 0, 0.0)[1]
+                laws = build_laws([motion.law])
+                rate = evaluate(laws, 0, 0.0)[1]
+                self.round_off += ROUNDING * rate_round_off(laws, 0, 0.0)
                 self._prescribe(by_name[motion.joint], f"{motion.coordinate}Rate", rate, element)
 
     def _prescribe(self, start: JointStart, column: str, rate: float, motion: Element) -> None:
         """Give a joint the rate of a prescribed motion at t = 0."""
         given = start.rates.setdefault(column, rate)
-        if abs(given - rate) > CONSISTENT * max(abs(given), abs(rate)):
+        if abs(given - rate) > CONSISTENT * max(abs(given), abs(rate)) + self.round_off:
             message = (
                 f"{column} is {given:g}, but motion '{text(motion.find('name'))}' prescribes "
                 f"{rate:g} at t = 0 (SI); delete it"

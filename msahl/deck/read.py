@@ -33,7 +33,12 @@ from msahl.deck.loads import (
     read_point_load,
 )
 from msahl.deck.markers import read_group, read_marker, read_sensor
-from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
+from msahl.deck.motions import (
+    check_prescribed_once,
+    check_speeds,
+    read_joint_motion,
+    read_point_motion,
+)
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.shapes import read_shapes
 from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
@@ -163,13 +168,15 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     markers = [read_marker(e, reader) for e in sound["markers"] if e.tag == "marker"]
     reader.context.markers.update({marker.name: marker.body for marker in markers})
     signals = _read_signals(root, reader)
+    run = _simulation(root, reader)
+    check_speeds(sound["motions"], motions, run, reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
         bodies=tuple(body for body in bodies if isinstance(body, RigidBody)),
         joints=tuple(joints),
         loads=tuple(_read_loads(sound["loads"], reader)),
-        simulation=_simulation(root, reader),
+        simulation=run,
         unit_system=reader.unit_system,
         couplings=tuple(couplings),
         motions=tuple(motions),

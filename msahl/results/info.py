@@ -26,6 +26,13 @@ class ResultError(Exception):
     """A folder that does not hold a run; the message names the file and the remedy."""
 
 
+class NoColumnError(ResultError, KeyError):
+    """A column that there is not; mappings raise ``KeyError``, from which it is derived as well."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 @dataclass(frozen=True, slots=True)
 class Leaf:
     """A value without parts: its ``name`` in messages, and a test of it."""

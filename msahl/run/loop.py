@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from msahl.check import require_sound
+from msahl.check.loads import speed_jumps
 from msahl.events.search import Event, NoStep
 from msahl.jit.compiled import prepare, trouble
 from msahl.model import Model, Options, resolve
@@ -89,6 +90,8 @@ def run(
         require_sound(model)
     if model.simulation.start == EQUILIBRIUM:
         raise StartError("the model is to start at an equilibrium, which has not been found yet")
+    for index, message in speed_jumps(model.motions, model.simulation):
+        raise StartError(f"motion '{model.motions[index].name}': {message}")
     settings = resolve(model.simulation, options)
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):

@@ -240,7 +240,7 @@ def checked_options(given: Mapping[str, Any]) -> dict[str, Any]:
         if name not in known:
             faults.append(f"{name}: there is no such option{nearest(name, known)}")
         elif value is not None:
-            values[name], expected = _accepted(known[name].kind, value)
+            values[name], expected = accepted(known[name].kind, value)
             if expected:
                 faults.append(f"{name}: it is {value!r}; it must be {expected}")
     if faults:
@@ -248,7 +248,7 @@ def checked_options(given: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _accepted(kind: Number | Integer | Choice | Flag, value: Any) -> tuple[Any, str]:
+def accepted(kind: Number | Integer | Choice | Flag, value: Any) -> tuple[Any, str]:
     """Return the value of an option, and what it must be if it is something else."""
     match kind:
         case Number(_, least, most, positive):
@@ -260,7 +260,10 @@ def _accepted(kind: Number | Integer | Choice | Flag, value: Any) -> tuple[Any, 
                 words = f"a finite number greater than {low:g}"
             if not isinstance(value, Real) or isinstance(value, bool):
                 return None, words
-            number = float(value)
+            try:
+                number = float(value)
+            except OverflowError:  # an integer of hundreds of digits
+                return None, words
             good = math.isfinite(number) and low <= number <= high
             return number, "" if good and (number > low or not positive) else words
         case Integer(low, high):
@@ -268,7 +271,8 @@ def _accepted(kind: Number | Integer | Choice | Flag, value: Any) -> tuple[Any, 
             good = good and low <= value <= high
             return (int(value), "") if good else (None, f"an integer from {low} to {high}")
         case Choice(words):
-            return value, "" if value in words else f"one of {', '.join(words)}"
+            known = isinstance(value, str) and value in words
+            return value, "" if known else f"one of {', '.join(words)}"
         case Flag():
             return value, "" if isinstance(value, bool) else "True or False"
 

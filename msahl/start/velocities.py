@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.functions import rate_round_off
 from msahl.elements import reactions
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
@@ -80,7 +81,7 @@ def make_consistent(
     v0, w0 = state.v.copy(), state.w.copy()
     given = _largest(_violation_rate(system, state, work_arrays))
     speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
-    near = CONSISTENT * max(speed, given)
+    near = CONSISTENT * max(speed, given) + _round_off_of_motions(system)
     method = "none"
     if given > near and wish == "asGiven":
         return VelocityChange(wish, given, np.zeros((n, 3)), np.zeros((n, 3)))
@@ -144,6 +145,18 @@ def solve_accelerations(
 def _largest(vectors: np.ndarray) -> float:
     """Length of the longest of ``vectors`` (k, 3)."""
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
+
+
+def _round_off_of_motions(system: System) -> float:
+    """Round-off of the rates of prescribed motions at t = 0 [m/s]: of one at rest, as a sine at its
+    crest, it is all that is left."""
+    if system.scalar is None:
+        return 0.0
+    rows = system.scalar.equations
+    return sum(
+        float(rows.scale[r]) * rate_round_off(system.laws, rows.law[r], 0.0)
+        for r in np.flatnonzero(rows.law >= 0)
+    )
 
 
 def _violation_rate(system: System, state: State, work_arrays: WorkArrays) -> np.ndarray:

@@ -189,14 +189,15 @@ class _Integration:
         # The dynamics count angles from one call to the next, and another integration may have
         # called them meanwhile.
         self.dynamics.state.angle[:] = self.angle
-        # Near a singular position numbers may overflow; the linear solver reports that.
+        # Near a singular position numbers may overflow; the linear solver reports that, and refuses
+        # numbers that are not finite: ``LinAlgError`` is a ``ValueError``.
         with np.errstate(all="ignore"):
             try:
                 while not self.values or self.ends[-1] < end:
                     self._step()
                     if working_clock() > deadline:
                         raise TooSlowError
-            except np.linalg.LinAlgError as error:
+            except ValueError as error:
                 raise _NoEndError from error
         self.angle[:] = self.dynamics.state.angle
 

@@ -7,6 +7,7 @@ a worker that died on others. Rows return to this process, which alone writes th
 
 import os
 import queue
+import re
 import time
 import uuid
 import warnings
@@ -48,6 +49,8 @@ GATHER_SECONDS = 60.0
 """Time to wait for the rows of a chunk that has ended, before it is run again."""
 SEE_WORKERS = 1.0
 """Time between two looks at the workers [s]."""
+NETWORK = ("tcp", "tls", "ws", "wss", "ucx")
+"""Protocols of addresses that have a port."""
 MISSING = "Dask is not installed here; install it: pip install 'msahl[cluster]'"
 
 
@@ -121,14 +124,22 @@ class Cluster:
 
     def _where(self, stopped: Callable[[], bool]) -> dict[str, str]:
         """The argument of Dask's client: an address, or a file as soon as it is there."""
-        if "://" in self.address or not _is_file_name(self.address):
+        if "://" in self.address:
+            if not _has_port(self.address):
+                raise ClusterError(
+                    f"{self.address}: the port of the scheduler is missing; write it as in "
+                    "tcp://host:8786"
+                )
+            return {"address": self.address}
+        if not _is_file_name(self.address):
             return {"address": self.address}
         path, began = Path(self.address), time.monotonic()
         while not path.is_file():
             if stopped() or time.monotonic() - began > CONNECT_SECONDS:
                 raise ClusterError(
                     f"{self.address}: no scheduler has written this file; start one with "
-                    f"'dask scheduler --scheduler-file {self.address}'"
+                    f"'dask scheduler --scheduler-file {self.address}', or name host and port, as "
+                    "in tcp://host:8786"
                 )
             time.sleep(POLL)
         return {"scheduler_file": self.address}
@@ -263,6 +274,15 @@ class Cluster:
             except OSError as error:
                 reason = f"{error.filename or part}: {error.strerror or error}"
                 raise NotWrittenError(reason) from error
+
+
+def _has_port(address: str) -> bool:
+    """Whether an address with a protocol of the network names a port: Dask waits for a minute for
+    one without, and cannot be stopped. Other protocols, such as inproc, have none."""
+    protocol, _, rest = address.partition("://")
+    if protocol not in NETWORK:
+        return True
+    return re.fullmatch(r"[^/]+:[0-9]{1,5}/?", rest) is not None
 
 
 def _is_file_name(address: str) -> bool:

@@ -10,6 +10,7 @@ import re
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 
 import orjson
@@ -24,15 +25,21 @@ END = re.compile(rb',"sum":"([0-9a-f]{16})"\}\n\Z')
 
 
 class Journal:
-    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
+    """A journal that rows are appended to, opened when that is wanted: a sweep that is complete may
+    belong to another user. Raises ``OSError`` if it cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
         self.synced = time.monotonic()
-        size = os.fstat(self.file).st_size
-        if size and os.pread(self.file, 1, size - 1) != b"\n":
-            self._write(b"\n")  # ends a torn line
+
+    @cached_property
+    def file(self) -> int:
+        """The descriptor of the file."""
+        opened = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        size = os.fstat(opened).st_size
+        if size and os.pread(opened, 1, size - 1) != b"\n":
+            os.write(opened, b"\n")  # ends a torn line
+        return opened
 
     def lock(self) -> None:
         """Lock the file until it is closed, where that is possible; raises ``StoreError`` if
@@ -66,11 +73,14 @@ class Journal:
         self.synced = time.monotonic()
 
     def close(self) -> None:
-        """Flush and close the file."""
+        """Flush and close the file, if it was opened."""
+        if "file" not in vars(self):
+            return
         try:
             self.sync()
         finally:
             os.close(self.file)
+            del self.file
 
 
 def journal_of_shard(k: int, n: int) -> str:

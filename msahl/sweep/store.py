@@ -205,6 +205,14 @@ class Store:
                 if content is not None:
                     content.close()
 
+    def counts(self, plan: Plan) -> Counts:
+        """What ``write_tables`` counts, without writing."""
+        counts = Counts(plan.count)
+        for _, _, row in self.rows(plan):
+            if row is not None:
+                counts.add(row)
+        return counts
+
     def write_tables(self, plan: Plan) -> Counts:
         """Write ``runs.csv`` and ``seconds.csv``; under their final names if every point has an
         outcome. Returns what was counted."""
@@ -273,6 +281,8 @@ def _short(name: str) -> bytes:
 
 
 def _map(path: Path) -> mmap.mmap | None:
+    if not path.exists():
+        return None
     with path.open("rb") as file:
         if not os.fstat(file.fileno()).st_size:
             return None

@@ -1,5 +1,6 @@
 """A sweep from its plan to its tables: check, lock the folder, run what is missing, write."""
 
+import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -21,6 +22,7 @@ from msahl.sweep.plan import Plan
 from msahl.sweep.points import TIMED_OUT, Job, Resolver, Row, context_digest, is_kept
 from msahl.sweep.store import (
     JOURNAL,
+    RUNS,
     Counts,
     Store,
     StoreError,
@@ -150,6 +152,8 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
     """
     sweep = check(sweep)
     claim(sweep.folder, sweep.job.deck)
+    if (finished := _finished(sweep)) is not None:
+        return finished
     with sweep_lock(sweep.folder, shared=sweep.share != ALL):
         store = _locked_store(sweep)
         try:
@@ -171,6 +175,20 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
             write_parquet(sweep.folder)
         write_info(sweep.folder, sweep.plan, sweep.job, state)
     return counts
+
+
+def _finished(sweep: Sweep) -> Counts | None:
+    """What is counted of a sweep of which nothing is left to do, if its folder cannot be written,
+    such as that of another user; None otherwise."""
+    tables = sweep.folder / RUNS
+    if sweep.share != ALL or os.access(sweep.folder, os.W_OK) or not tables.is_file():
+        return None
+    store = sweep.open_store()
+    try:
+        counts = store.counts(sweep.plan)
+    finally:
+        store.close()
+    return counts if counts.done == counts.points else None
 
 
 def _locked_store(sweep: Sweep) -> Store:

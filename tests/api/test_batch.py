@@ -80,7 +80,7 @@ def test_exceptions_are_the_same_from_every_process(jobs):
 
 @pytest.mark.parametrize("samples", [[5], ["L"], {"L": [0.5, 0.6]}])
 def test_samples_that_are_none_are_refused(samples):
-    with pytest.raises(TypeError, match="give a list of"):
+    with pytest.raises(msahl.OptionError, match="give a list of"):
         list(msahl.batch(msahl.load(ROD), samples, 2, **SHORT))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import msahl
+from msahl import OptionError
 from tests.support.models import ROOT
 
 BICYCLE = ROOT / "decks/mechanisms/bicycle.xml"
@@ -19,7 +20,7 @@ def test_modes_of_a_model(tmp_path):
     # The front wheel's side is the largest displacement; the fork steers more than the frame yaws.
     assert abs(shape["FrontWheel.y"]) == pytest.approx(1.0)
     assert abs(shape["Fork.rz"]) > abs(shape["Frame.rz"])
-    with pytest.raises(IndexError, match="mode 10 does not exist: there are 9"):
+    with pytest.raises(OptionError, match="mode: it is 10; it must be an integer from 1 to 9"):
         found.shape(10)
     assert found.frame["frequency"].tolist() == found.frequency.tolist()
     assert sorted(p.name for p in found.write(tmp_path).iterdir()) == ["modes.csv", "shapes.csv"]

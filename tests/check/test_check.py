@@ -72,6 +72,13 @@ SLIDING = replace(GEARED, joints=(AXLE, replace(GEARED.joints[1], kind="prismati
 SPRING = SpringDamper("Spring", "Base", "Bob", ZERO, (1.0, 0.0, 0.0), 1.0, 0.0)
 
 WRONG = {
+    "speed that jumps": (
+        replace(
+            law("linear", 0.0, 0.5, 2.0, 0.0, 1.0, 1.0),
+            simulation=replace(RUN, scheme="auto", tolerance=1e-3),
+        ),
+        "motion 'Motor', law: the speed of a linear table jumps at its entries, first at t = 0.5 s",
+    ),
     "no body": (replace(MODEL, bodies=(), joints=(), motions=(), loads=()), "nothing in the model"),
     "mass": (body(mass=-1.0), "body 'Bob', mass: the mass is -1 kg; it must be greater than zero"),
     "mass of nan": (body(mass=math.nan), "body 'Bob', mass: nan is not a finite number"),

@@ -34,6 +34,13 @@ def rows(folder):
     return (folder / "runs.csv").read_text().splitlines()
 
 
+def test_a_seed_has_64_bits(tmp_path):
+    words = ("sweep", DECK, "--set", "L~uniform(60,80) cm", "--sample", "random:1", "--dry-run")
+    for seed, status in ((2**64 - 1, 0), (2**64, 2), (-1, 2)):
+        ran = CliRunner().invoke(main, [*map(str, words), "--seed", str(seed)])
+        assert ran.exit_code == status, ran.output
+
+
 def test_a_sweep_and_the_same_again(tmp_path):
     words = ("--set", "L=60:100:3 cm", "--over", "dt=0.01,0.005", "--measure", "Rod.z max")
     result = sweep(tmp_path / "s", *words)

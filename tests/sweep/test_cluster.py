@@ -324,6 +324,15 @@ def test_the_message_without_dask_names_the_remedy(tmp_path, monkeypatch):
     assert "Dask is not installed here; install it: pip install 'msahl[cluster]'" in result.stderr
 
 
+@pytest.mark.parametrize("address", ["tcp://head", "tls://head:", "tcp://head:x", "tcp://[::1]"])
+def test_an_address_without_port_is_refused_at_once(tmp_path, address):
+    """Dask would wait for a minute, also after its message, and end in a traceback."""
+    refused = Cluster(address)
+    job = sweep(tmp_path, VALUES).job
+    with pytest.raises(ClusterError, match="the port of the scheduler is missing"):
+        refused.run(job, None, lambda: False)
+
+
 def test_the_message_without_scheduler_names_its_address(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.2)
     base = (DECK, "--set", VALUES, "-o", tmp_path / "s", "-q", "--scheduler")

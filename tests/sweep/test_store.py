@@ -217,6 +217,27 @@ def test_a_line_that_is_changed_while_a_sweep_runs_is_no_outcome(tmp_path):
     store.close()
 
 
+def test_a_finished_sweep_of_another_user_is_done(tmp_path, monkeypatch):
+    made, folder = sweep(tmp_path / "s", "L=60,80 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler())
+    before = {path: path.stat().st_mtime_ns for path in (folder, *folder.iterdir())}
+    opened, access = os.open, os.access
+
+    def refuses(path, flags, *rest, **more):
+        if flags & (os.O_WRONLY | os.O_RDWR) and str(path).startswith(str(folder)):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opened(path, flags, *rest, **more)
+
+    monkeypatch.setattr(os, "open", refuses)  # tests may be run by root, who may write everywhere
+    monkeypatch.setattr(os, "access", lambda path, *mode: path != folder and access(path, *mode))
+    again = FakeScheduler()
+    assert carry_out(made, again).good
+    assert again.ran == []
+    assert {path: path.stat().st_mtime_ns for path in (folder, *folder.iterdir())} == before
+    with pytest.raises(PermissionError):
+        carry_out(sweep(folder, "L=60,90 cm"), FakeScheduler())
+
+
 @pytest.mark.parametrize("value", [None, True, 3, "x", [], [1], {}, {"path": 3}, {"relative": 3},
                                    {"relative": "x" * 5000, "path": "\n"}])  # fmt: skip
 def test_whatever_sweep_json_holds_a_sweep_goes_on(tmp_path, value):

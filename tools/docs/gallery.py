@@ -43,11 +43,11 @@ READ = 300_000
 """Numbers that are read from the tables of a run."""
 SIZE, QUALITY = (400, 280), 72
 """Of a thumbnail: pixels, and WebP's measure up to 100."""
-CENTRE = 0.86
+CENTRE = 0.94
 """Part of the view that a thumbnail shows: the viewer leaves a margin."""
 SHOWN = 0.3
 """Time that a thumbnail shows, divided by that of the run."""
-DIGITS = 6
+DIGITS = 5
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
 DATA = re.compile(r'<script type="application/json" id="viewer">.*?</script>', re.DOTALL)
 CHOOSE = """<script>
@@ -147,7 +147,7 @@ def take_pictures(names: Iterable[str]) -> Iterator[str]:
 
 def _take(browser: Any, address: str, name: str) -> None:
     """Write the thumbnail of the motion that an address shows."""
-    page = browser.new_page(viewport={"width": SIZE[0] * 2, "height": SIZE[1] * 2})
+    page = browser.new_page(viewport={"width": SIZE[0] * 5 // 4, "height": SIZE[1] * 5 // 4})
     page.goto(address)
     page.wait_for_selector("[data-state=ready]")
     page.add_style_tag(content=".top, .bar, .gizmo, .overlay { display: none !important; }")

@@ -106,7 +106,8 @@ def solve(factors: Factors, force: np.ndarray, change: np.ndarray) -> tuple[np.n
     over lengths by ``force`` [N] and the constraints by ``change``.
     """
     pattern, n = factors.pattern, force.size
-    right = np.concatenate([force / factors.stiffness, change / factors.size])
+    with np.errstate(over="ignore"):  # an infinite displacement ends the search
+        right = np.concatenate([force / factors.stiffness, change / factors.size])
     if factors.sparse is not None:
         both = factors.sparse.solve(right)
     else:

@@ -12,7 +12,7 @@ from msahl.analysis.kinematics import solution as kinematics
 from msahl.analysis.kinematics.solution import follow, output_times, prepare
 from msahl.analysis.kinematics.tables import integrals
 from msahl.analysis.kinematics.verdict import report_of
-from msahl.deck import read_deck
+from msahl.deck import DeckError, ParsedDeck, Source, read_deck
 from msahl.model import JointMotion, Options, PointMotion
 from msahl.model.settings import OFF, YES
 from msahl.run.loop import run
@@ -207,6 +207,23 @@ def test_dead_points_are_found_between_output_times():
     assert "Pusher" in stretched
     assert "t = 0.872664625997" in stretched
     assert report_of(found.motion, 1.0).verdict["word"] == "WARN"
+
+
+@pytest.mark.parametrize(("start", "phase"), [(180, 270), (0, 90), (180, 270.0 + 360e3)])
+def test_a_motion_that_begins_at_a_dead_point_contradicts_nothing(start, phase):
+    """Its rate is that of a sine at its crest: round-off of the phase, however large it is."""
+    text = (MECHANISMS / "dead_points.xml").read_text()
+    read = ParsedDeck(Source.of(text.replace(">120</phase>", f">{phase}</phase>")))
+    model = read.model((f"start={start} deg",))
+    assert max(np.abs(body.velocity).max() for body in model.bodies) <= 1e-9
+    with pytest.raises(StartError, match="singular"):
+        prepare(model)
+
+
+def test_a_motion_that_contradicts_a_dead_point_is_a_fault():
+    text = (MECHANISMS / "dead_points.xml").read_text().replace(">120</phase>", ">269.9</phase>")
+    with pytest.raises(DeckError, match="rates and velocities contradict it"):
+        ParsedDeck(Source.of(text)).model(("start=180 deg",))
 
 
 def test_dead_points_of_two_mechanisms_at_once_are_found():
