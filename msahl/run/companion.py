@@ -98,7 +98,7 @@ class HalfStepCompanion:
         kind = SubsystemIntegrator if settings.adaptive else CompanionIntegrator
         self.integrators: list[SubsystemIntegrator] = [
             kind(
-                _with_given_steps(integrator.model, settings),
+                with_given_steps(integrator.model, settings),
                 integrator.solver,
                 settings.full,
                 2 * chunk,
@@ -120,7 +120,7 @@ class HalfStepCompanion:
         halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
         for integrator, companion_integrator in zip(integrators, self.integrators, strict=True):
             companion_integrator.stepper.follow_degree(integrator.stepper)
-            if not _advance(companion_integrator, np.repeat(0.5 * steps.sizes, 2), halves):
+            if not advance(companion_integrator, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
                 both = first_rows(companion_integrator, 2 * len(times))
@@ -170,7 +170,7 @@ class HigherOrderCompanion:
         schedule = OutputSchedule.passed(times, steps.begin, np.array(ends))
         rows = []
         for companion_integrator in self.integrators:
-            if not _advance(companion_integrator, np.array(groups), schedule):
+            if not advance(companion_integrator, np.array(groups), schedule):
                 return None
             rows.append(first_rows(companion_integrator, len(times)))
         return rows
@@ -230,7 +230,7 @@ def first_rows(integrator: SubsystemIntegrator, count: int) -> Rows:
     return Rows(tables.states[:count], tables.reactions[:count], tables.signals[:count])
 
 
-def _with_given_steps(model: Model, settings: RunSettings) -> Model:
+def with_given_steps(model: Model, settings: RunSettings) -> Model:
     """The same model without step-size control."""
     simulation = replace(
         model.simulation, scheme=settings.family, tolerance=None, local_tolerance=None
@@ -250,7 +250,7 @@ def _with_scheme(model: Model, coarser: CoarserScheme) -> Model:
     return replace(model, simulation=simulation)
 
 
-def _advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: OutputSchedule) -> bool:
+def advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: OutputSchedule) -> bool:
     """Take steps of these ``sizes``; whether all were solved."""
     first = 0
     for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:
