@@ -21,7 +21,7 @@ from msahl.analysis.inverse.run_error import raised_by
 from msahl.analysis.inverse.splines import Smooth, derived
 from msahl.analysis.inverse.states import advance
 from msahl.analysis.inverse.table import LEAST_ROWS, GivenMotion, Track, spins
-from msahl.analysis.kinematics.configuration import copied, new_equations, predict
+from msahl.analysis.kinematics.configuration import copied, copy_to, new_equations, predict
 from msahl.analysis.linearised.point import at_start
 from msahl.elements.reactions import write_reactions
 from msahl.elements.rigid_body import write_accelerations, write_states
@@ -198,6 +198,7 @@ class _Work:
         self, follower: Follower, balance: Drives, motion: GivenMotion, noise: float, state: State
     ) -> None:
         self.follower, self.balance, self.state = follower, balance, state
+        self.before, self.other = copied(state), copied(state)
         self.motion, self.noise = motion, noise
         self.ways = _ways(motion, follower.measures, noise)
         system, m = follower.equations.system, motion.time.size
@@ -245,18 +246,18 @@ class _Work:
         and the loads by all ways.
         """
         time, state = self.motion.time, self.state
-        before = copied(state)
+        before = copy_to(self.before, state)
         if row:
             predict(self.follower.equations, state, float(time[row] - time[row - 1]))
         left = self.follower.settle(state, self.ways[0].values[row], float(time[row]))
         frame = self.follower.frame(state)
         velocity, acceleration = self._motion(state, frame, 0, row)
         if row:
-            advance(self.follower.equations, before, state)
+            advance(self.follower.equations, before, state, self.other)
         loads = [self.balance.solve(state, frame, velocity, acceleration)]
         self._write(state, row)
         for way in range(1, len(self.ways)):
-            other = copied(state)
+            other = copy_to(self.other, state)
             moved = self._motion(other, frame, way, row)
             loads.append(self.balance.solve(other, frame, *moved))
         return left, frame, loads

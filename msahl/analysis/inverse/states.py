@@ -14,7 +14,7 @@ import numpy as np
 from msahl.algebra.rotation_arrays import quaternions
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.table import product
-from msahl.analysis.kinematics.configuration import Equations, copied
+from msahl.analysis.kinematics.configuration import Equations, copy_to
 from msahl.elements.constraints import scalar
 from msahl.elements.signals import results
 from msahl.ports import forces
@@ -106,14 +106,16 @@ def set_motion(motion: Between, share: float, state: State) -> None:
     state.time[0] = motion.begin + share * motion.h
 
 
-def advance(of: Equations, before: State, after: State) -> None:
-    """Set the auxiliary states of ``after`` by those of ``before`` and the motion between them.
+def advance(of: Equations, before: State, after: State, seen: State) -> None:
+    """Set the auxiliary states of ``after`` by those of ``before`` and the motion between them, in
+    which the arrays of ``seen`` are used.
     Raises ``InverseError`` where they cannot be found.
     """
     s = before.auxiliary
     if not s.size:
         return
-    motion, seen = between(before, after), copied(before)
+    motion = between(before, after)
+    copy_to(seen, before)
     stages = np.tile(s, (3, 1))
     slopes = _slopes(of, motion, seen, s)
     matrix = np.eye(stages.size) - motion.h * np.kron(INTEGRALS, slopes)

@@ -326,3 +326,10 @@ def _by_frames(equations: Equations, z: np.ndarray) -> tuple[np.ndarray, np.ndar
 def copied(state: State) -> State:
     """Return a state with arrays of its own."""
     return State(*(np.array(part) for part in state))
+
+
+def copy_to(other: State, state: State) -> State:
+    """Set the arrays of the ``other`` state, and return it: compiled functions know its arrays."""
+    for there, here in zip(other, state, strict=True):
+        np.copyto(there, here)
+    return other
