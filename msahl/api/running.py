@@ -8,6 +8,7 @@ from msahl.model.settings import EQUILIBRIUM
 from msahl.results.job import Job
 from msahl.run import loop
 from msahl.run.loop import Hooks
+from msahl.run.mesh_error import FinerMesh
 from msahl.run.report import INTERRUPTED
 from msahl.run.tables import MemorySink
 
@@ -20,11 +21,22 @@ def run_job(job: Job, only: Sequence[str] | None = None, hooks: Hooks | None = N
     """
     job = at_start(job)
     began, sink = time.perf_counter(), MemorySink(only)
-    report = loop.run(job.model, job.options, sink, hooks or Hooks(), checked=True)
+    report = loop.run(
+        job.model, job.options, sink, hooks or Hooks(), checked=True, finer=finer_mesh(job)
+    )
     report.seconds["total"] = time.perf_counter() - began
     if report.status == INTERRUPTED:
         raise KeyboardInterrupt(report.message)
     return result_of(job, report, sink)
+
+
+def finer_mesh(job: Job) -> FinerMesh | None:
+    """Return the model with a finer mesh of its beams, if it has any."""
+    if not job.model.beams:
+        return None
+    from msahl.study.more_elements import finer
+
+    return finer(job)
 
 
 def at_start(job: Job) -> Job:

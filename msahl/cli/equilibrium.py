@@ -122,7 +122,8 @@ def _in_space(job: "Job", found: "Point", rotation: "np.ndarray") -> list[str]:
     if not found.model.beams:
         return []
     from msahl.analysis.equilibria.equilibrium import size_of
-    from msahl.study.more_elements import RefinementError, equilibrium_error
+    from msahl.deck.finer_beams import RefinementError
+    from msahl.study.more_elements import equilibrium_error
 
     try:
         error = equilibrium_error(job.source, job.text, found, rotation)

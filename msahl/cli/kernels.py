@@ -14,7 +14,7 @@ from msahl.analysis.equilibria.static_equations import Statics
 from msahl.analysis.equilibria.static_newton import newton
 from msahl.analysis.linearised.point import at_start
 from msahl.deck import DeckError, read_deck
-from msahl.events.margins import build_margins
+from msahl.events.margins import Span, build_margins
 from msahl.jit import by_size
 from msahl.jit.arguments import Description, describe
 from msahl.jit.compiled import Call, prepare
@@ -87,7 +87,9 @@ def kind_of(model: Model) -> Description:
     and of its margins if it has events.
     """
     system = build_system(model)
-    return describe((system, build_margins(system, splits=True)))
+    # Steps of an order above 2 have all kinds of margins.
+    margins = build_margins(system, order=3, span=Span(model.simulation.t_final))
+    return describe((system, margins))
 
 
 def _calls(model: Model) -> Iterator[Call]:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from msahl.cli.gradients import GradientsOfRun
     from msahl.results.checkpoint import Checkpoint
     from msahl.results.job import Job
+    from msahl.run.mesh_error import FinerMesh
     from msahl.run.report import Report
 
 STARTED = time.perf_counter()
@@ -225,7 +226,8 @@ class RunCommand:
                 accepted = gradients.record.add if gradients else None
                 sink = BothSinks(results, gradients.memory) if gradients else results
                 hooks = loop.Hooks(progress, stopped, tell, save, accepted)
-                report = loop.run(job.model, job.options, sink, hooks, snapshot, checked=True)
+                finer = self._finer_mesh()
+                report = loop.run(job.model, job.options, sink, hooks, snapshot, True, finer)
                 set_alarm(0.0)  # what ends the run now must not be interrupted
                 results.complete = report.status == COMPLETED
         except StartError as error:
@@ -235,6 +237,14 @@ class RunCommand:
         except OSError as error:  # of the tables' names; other faults of the disk are in the report
             return report_without_steps(UNWRITTEN, not_written(error))
         return report
+
+    def _finer_mesh(self) -> "FinerMesh | None":
+        """The model with a finer mesh of its beams, if it has any."""
+        if not self.job.model.beams:
+            return None
+        from msahl.study.more_elements import finer
+
+        return finer(self.job)
 
     def _close(self, work: Path, report: "Report", stopped: Interruption) -> int:
         """End a run, however it went: ``run.json``, the last messages, the exit status."""

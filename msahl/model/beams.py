@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 from msahl.algebra.vector import Vector
 
+HIGHEST_DEGREE = 8
+"""Of elements, as the schema of decks has it."""
 STRAINS = 6
 """Components of strain, and of the stress resultants n (forces) and m (moments): Gamma, kappa."""
 

@@ -97,7 +97,7 @@ class HalfStepCompanion:
         kind = SubsystemIntegrator if settings.adaptive else CompanionIntegrator
         self.integrators: list[SubsystemIntegrator] = [
             kind(
-                _with_given_steps(integrator.model, settings),
+                with_given_steps(integrator.model, settings),
                 integrator.solver,
                 settings.full,
                 2 * chunk,
@@ -119,7 +119,7 @@ class HalfStepCompanion:
         halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
         for integrator, companion_integrator in zip(integrators, self.integrators, strict=True):
             companion_integrator.stepper.follow_degree(integrator.stepper)
-            if not _advance(companion_integrator, np.repeat(0.5 * steps.sizes, 2), halves):
+            if not advance(companion_integrator, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
                 both = first_rows(companion_integrator, 2 * len(times))
@@ -169,7 +169,7 @@ class HigherOrderCompanion:
         schedule = OutputSchedule.passed(times, steps.begin, np.array(ends))
         rows = []
         for companion_integrator in self.integrators:
-            if not _advance(companion_integrator, np.array(groups), schedule):
+            if not advance(companion_integrator, np.array(groups), schedule):
                 return None
             rows.append(first_rows(companion_integrator, len(times)))
         return rows
@@ -229,7 +229,7 @@ def first_rows(integrator: SubsystemIntegrator, count: int) -> Rows:
     return Rows(tables.states[:count], tables.reactions[:count])
 
 
-def _with_given_steps(model: Model, settings: RunSettings) -> Model:
+def with_given_steps(model: Model, settings: RunSettings) -> Model:
     """The same model without step-size control."""
     simulation = replace(
         model.simulation, scheme=settings.family, tolerance=None, local_tolerance=None
@@ -249,7 +249,7 @@ def _with_scheme(model: Model, coarser: CoarserScheme) -> Model:
     return replace(model, simulation=simulation)
 
 
-def _advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: OutputSchedule) -> bool:
+def advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: OutputSchedule) -> bool:
     """Take steps of these ``sizes``; whether all were solved."""
     first = 0
     for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:

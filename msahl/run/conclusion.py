@@ -1,6 +1,7 @@
 """The end of a run: its report is completed with figures, error estimate and verdict."""
 
 import math
+from collections.abc import Callable
 
 from msahl.model.settings import OFF
 from msahl.run.messages import angles_uncertain, slides
@@ -32,6 +33,10 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     if rotation >= math.pi and counts_revolutions(setup.model):
         report.warnings.append(angles_uncertain(rotation))
     report.error = setup.estimate.as_json() if setup.estimate else None
+    if report.error and setup.mesh:
+        # The errors of the steps and of the mesh add up, at worst.
+        report.error["position"] += setup.mesh.largest
+        report.error["mesh"] = setup.mesh.as_json()
     report.verdict = judge(_figures(setup, record, report), setup.settings.limits).as_json()
 
 
@@ -102,8 +107,16 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         velocity_change=record.velocity_change,
         non_unique_reactions=report.non_unique_reactions,
         error=report.error,
-        horizon=setup.estimate.horizon if setup.estimate else None,
+        horizon=_horizon(setup),
     )
+
+
+def _horizon(setup: RunSetup) -> Callable[[float], float] | None:
+    """The time up to which the errors of steps and of the mesh are within an accuracy."""
+    estimate, mesh = setup.estimate, setup.mesh
+    if estimate is None or mesh is None or not mesh.known:
+        return estimate.horizon if estimate else None
+    return lambda accuracy: min(estimate.horizon(accuracy), mesh.horizon(accuracy))
 
 
 def _rotation_between_rows(setup: RunSetup, report: Report) -> float:

@@ -21,6 +21,7 @@ from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
 from msahl.run.error_estimate import NO_ERRORS
+from msahl.run.mesh_error import FinerMesh
 from msahl.run.messages import not_written, stop_not_found, stops_at_once
 from msahl.run.output import tables_of
 from msahl.run.record import Record
@@ -74,12 +75,14 @@ def run(
     hooks: Hooks = Hooks(),
     since: Snapshot | None = None,
     checked: bool = False,
+    finer: FinerMesh | None = None,
 ) -> Report:
     """Run ``model`` to its end, into ``sink``. A run ``since`` a snapshot writes the rows that the
     interrupted run would have written after it.
 
     The model is checked first and ``ModelError`` raised with its faults, unless it is ``checked``:
-    the reader of decks returns no other models.
+    the reader of decks returns no other models. With a ``finer`` mesh of its beams the error by
+    their mesh is estimated as well.
 
     A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
     ``save`` that raises OSError end the run, and the report says so. Raises ``StartError`` if there
@@ -96,15 +99,20 @@ def run(
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):
         if settings.tolerance is None:
-            setup = build_setup(model, settings, None)
+            setup = build_setup(model, settings, None, finer)
             report = TimeLoop(setup, sink, hooks).run(since)
             setup.release(report)
             return report
-        return _run_to_tolerance(model, options, sink, hooks, since)
+        return _run_to_tolerance(model, options, sink, hooks, since, finer)
 
 
 def _run_to_tolerance(
-    model: Model, options: Options, sink: Sink, hooks: Hooks, since: Snapshot | None
+    model: Model,
+    options: Options,
+    sink: Sink,
+    hooks: Hooks,
+    since: Snapshot | None,
+    finer: FinerMesh | None,
 ) -> Report:
     """Run until the estimated global error is within the tolerance: run, compare, run again with
     smaller steps. The rows of the last run stay.
@@ -115,7 +123,7 @@ def _run_to_tolerance(
     while True:
         simulation = replace(model.simulation, local_tolerance=attempts.local)
         settings = resolve(simulation, options)
-        setup = build_setup(replace(model, simulation=simulation), settings, attempts)
+        setup = build_setup(replace(model, simulation=simulation), settings, attempts, finer)
         loop = TimeLoop(setup, sink, hooks)
         report = loop.run(since)
         completed = report.status == COMPLETED
@@ -182,10 +190,19 @@ class TimeLoop:
         if since:
             restore_snapshot(since, self.system, setup, self.record, self.report)
         else:
-            errors = setup.estimate.begin(setup.integrators) if setup.estimate else NO_ERRORS
-            self._publish(np.zeros(1), errors)
+            self._publish(np.zeros(1), self._errors_at_start())
         self.accepted = SavedSteps.of(setup.integrators)
         self._arm(0.0)
+
+    def _errors_at_start(self) -> np.ndarray:
+        """The row of errors at t = 0, if they are estimated."""
+        integrators, estimate, mesh = self.setup.integrators, self.setup.estimate, self.setup.mesh
+        if estimate is None:
+            return NO_ERRORS
+        errors = estimate.begin(integrators)
+        if mesh:
+            errors[:, 1] += mesh.begin(integrators)
+        return errors
 
     def _arm(self, time: float) -> None:
         """Let conditions that begin to hold after ``time`` [s] end the run."""
@@ -371,12 +388,18 @@ class TimeLoop:
         self.accepted.restore(self.setup.integrators)
 
     def _follow(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> np.ndarray:
-        """Advance the companion, if there is one; returns the rows of errors."""
-        if self.setup.estimate is None:
+        """Advance the companion, if there is one, and the run of a finer mesh; returns the rows of
+        errors.
+        """
+        estimate, mesh, integrators = self.setup.estimate, self.setup.mesh, self.setup.integrators
+        if estimate is None:
             return NO_ERRORS
         began = time.perf_counter()
         try:
-            errors = self.setup.estimate.follow(self.setup.integrators, steps, schedule, times)
+            errors = estimate.follow(integrators, steps, schedule, times)
+            if mesh:
+                by_mesh = mesh.follow(integrators, steps, schedule, times)
+                errors[:, 1] += by_mesh[: len(errors)]
         except Stopped:  # run and companion stand at different times, so no snapshot is possible
             raise KeyboardInterrupt from None
         self.report.add_seconds("companion", time.perf_counter() - began)

@@ -25,6 +25,7 @@ def take_snapshot(system: str, setup: RunSetup, record: Record, report: Report) 
         "extremes": record.extremes.numbers(),
         "subsystems": [counters(integrator) for integrator in setup.all_integrators],
         "error": setup.estimate and setup.estimate.numbers(),
+        "mesh": setup.mesh and setup.mesh.numbers(),
         "attempts": setup.attempts and setup.attempts.numbers(),
         "observed": setup.observed.numbers(),
     }
@@ -55,6 +56,8 @@ def restore_snapshot(
     setup.observed.restore(numbers["observed"])
     if setup.estimate:
         setup.estimate.restore(numbers["error"])
+    if setup.mesh:
+        setup.mesh.restore(numbers["mesh"])
     report.resumed = [*numbers["resumed"], setup.plan.progress.time]
     for phase, seconds in numbers["seconds"].items():
         report.add_seconds(phase, seconds)

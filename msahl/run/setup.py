@@ -10,6 +10,7 @@ from msahl.model.settings import ESTIMATE, LOCAL, OFF
 from msahl.run.attempts import KNOWN_NUMBERS, Attempts
 from msahl.run.companion import Companion, choose_companion
 from msahl.run.error_estimate import ErrorEstimate
+from msahl.run.mesh_error import FinerMesh, MeshError
 from msahl.run.messages import start_warnings
 from msahl.run.observed import ObservedTables
 from msahl.run.output import OutputTimes, TableAssembly
@@ -38,13 +39,15 @@ class RunSetup:
     tables: TableAssembly
     observed: ObservedTables
     estimate: ErrorEstimate | None
+    mesh: MeshError | None
     began: float  # time of the clock when building began [s]
 
     @property
     def all_integrators(self) -> list[SubsystemIntegrator]:
-        """Those of the run and those of its companion."""
+        """Those of the run, of its companion, and of its finer mesh."""
         companion = self.estimate.companion.integrators if self.estimate else []
-        return [*self.integrators, *companion]
+        finer = self.mesh.integrators if self.mesh else []
+        return [*self.integrators, *companion, *finer]
 
     def release(self, report: Report) -> None:
         """Let later runs use the arrays of this one, which has ended with this ``report``."""
@@ -59,8 +62,12 @@ class RunSetup:
         return [call for integrator in self.all_integrators for call in integrator.stepper.calls]
 
 
-def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) -> RunSetup:
-    """Build the parts of a run; raises ``StartError`` if there is no consistent start."""
+def build_setup(
+    model: Model, settings: RunSettings, attempts: Attempts | None, finer: FinerMesh | None = None
+) -> RunSetup:
+    """Build the parts of a run; raises ``StartError`` if there is no consistent start. Where errors
+    are estimated, that by the mesh is, too, if there is a ``finer`` one.
+    """
     began, output = time.perf_counter(), OutputTimes.of(model, settings.every)
     # With step-size control all subsystems take the same steps: their local errors are added up.
     together = settings.full or settings.adaptive
@@ -79,7 +86,7 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
     tables = TableAssembly(model, integrators)
     tolerance = settings.local_tolerance
     plan: StepPlan = GivenSteps(output) if tolerance is None else ControlledSteps(output, tolerance)
-    estimate = None
+    estimate = mesh = None
     companion = _companion(integrators, settings, attempts, output)
     if companion is not None:
         estimate = ErrorEstimate(model, integrators, companion, settings)
@@ -87,6 +94,8 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
         kept = output.shown.n * tables.width <= KNOWN_NUMBERS and not model.stops
         if attempts and kept:
             estimate.keep_rows()
+        if finer is not None:
+            mesh = MeshError(model, finer, integrators, settings, output.chunk)
     return RunSetup(
         model=model,
         settings=settings,
@@ -97,6 +106,7 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
         tables=tables,
         observed=ObservedTables(model),
         estimate=estimate,
+        mesh=mesh,
         began=began,
     )
 

@@ -6,12 +6,14 @@ No limit is below the round-off of the terms whose difference the figure is. PAS
 global error was estimated and is small. A run whose error was not estimated is DONE at best.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from sys import float_info
 from typing import Any, NamedTuple
 
 from msahl.model import Limits
+from msahl.model.beams import HIGHEST_DEGREE
 
 PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
 
@@ -39,6 +41,8 @@ which the motion oscillates within one step: it then passes a third of a cycle i
 CONSTRAINT_WORK = 1e-8
 """Work of the reactions in the constraint violations of a step, relative to the largest kinetic
 energy, that warns."""
+MESH_SHARE = 0.5
+"""Share of a limit that the error by the mesh of beams may take, beside that of the steps."""
 PIVOT_RATIO = 1e13
 """Ratio of the pivots above which a step's solution keeps fewer than three digits."""
 LARGE_ROTATION = 0.1
@@ -286,11 +290,17 @@ def _global_error(figures: Figures, error: dict[str, Any]) -> Finding:
     text = f"estimated position error at most {position:.1e} m"
     if orientation > position:
         text += f", orientation error at most {orientation:.1e} m (angle times body length)"
+    mesh = error.get("mesh", {})
+    by_mesh = float(mesh.get("error", 0.0))
+    if by_mesh > 0.0:
+        text += f", {by_mesh:.1e} m of it by the mesh of the beams"
     limit, fail = ERROR * figures.size, ERROR_FAIL * figures.size
     if error.get("accuracy") is not None:
         limit = float(error["accuracy"])
         fail = min(fail, WARN_FACTOR * limit) if fail > limit else WARN_FACTOR * limit
     if figures.tolerance is not None and largest > figures.tolerance:
+        if by_mesh > MESH_SHARE * figures.tolerance:
+            return Finding("accuracy", WARN, text + _finer_mesh(mesh, figures.tolerance))
         return Finding("accuracy", WARN, _too_sensitive(figures, figures.tolerance, text))
     word = grade(largest, limit, fail)
     if not error["complete"]:
@@ -299,9 +309,26 @@ def _global_error(figures: Figures, error: dict[str, Any]) -> Finding:
             f" up to t = {error['until']:g} s, where the companion run ({error['companion']}) did "
             "not converge"
         )
-    if word != PASS:
-        text += _advice(figures, largest, limit)
+    if word != PASS and by_mesh > MESH_SHARE * limit:
+        text += _finer_mesh(mesh, limit)
+    if word != PASS and largest - by_mesh > MESH_SHARE * limit:
+        text += _advice(figures, largest - by_mesh, limit)
+    if "unknown" in mesh:
+        word = max(word, DONE, key=WORDS.index)
+        text += f"; the error by the mesh of the beams is not known: {mesh['unknown']}"
     return Finding("accuracy", word, text)
+
+
+def _finer_mesh(mesh: dict[str, Any], limit: float) -> str:
+    """What mesh of the beams would be fine enough: of the same degree p, by its order 2 p."""
+    elements, degree = mesh["elements"], mesh["degree"]
+    factor = (mesh["error"] / (MESH_SHARE * limit)) ** (0.5 / degree)
+    more = max(elements + 1, math.ceil(factor * elements))
+    higher = f" or of a degree above {degree}" if degree < HIGHEST_DEGREE else ""
+    return (
+        f"; the mesh is too coarse: try {more} elements of all beams together in place of "
+        f"{elements},{higher}"
+    ).rstrip(",")
 
 
 def _too_sensitive(figures: Figures, tolerance: float, text: str) -> str:

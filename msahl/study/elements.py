@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from msahl.analysis.equilibria.begin import beginning
+from msahl.deck.finer_beams import RefinementError, more_elements
 from msahl.deck.source import Source
 from msahl.model import Model, Options
 from msahl.model.settings import OFF
@@ -24,7 +25,7 @@ from msahl.results.read import ResultError
 from msahl.run import loop
 from msahl.run.report import COMPLETED, INTERRUPTED
 from msahl.run.tables import STATES, MemorySink
-from msahl.study.more_elements import RefinementError, by_name, refined
+from msahl.study.more_elements import by_name
 
 FACTORS = (1, 2, 4)
 """Numbers of elements, relative to the deck's."""
@@ -69,7 +70,7 @@ def space_error(
     found, counts = [], []
     for factor in FACTORS:
         try:
-            deck = Source(source.path, refined(text, source, factor))
+            deck = Source(source.path, more_elements(text, source, factor))
             model = prepared(beginning(make_job(deck, deck.model(()), {})).model)
         except RefinementError as error:
             raise ResultError(f"{source.path}: {error}") from error

@@ -1,0 +1,146 @@
+"""The error of a run by the mesh of its beams: a run of a finer mesh takes the same steps.
+
+    |y - y_exact|  <=  SAFETY |y - y*|        y* of elements of the next degree
+
+Elements of degree p have an error that falls with the power 2 p of their length, so y* has little
+of it. Both runs take the same steps, and the errors of these are nearly the same in both, so they
+do not count here. Positions are compared where both have nodes: at the ends of elements, and at
+all other bodies.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.beams.places import Place, common_places
+from msahl.model import Model, RunSettings
+from msahl.run.companion import SAFETY, Steps, advance, first_rows, with_given_steps
+from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.system.subsystems import split
+
+GROWTH = 1.05
+"""Factor by which the largest error must have grown to be recorded with its time."""
+
+
+class FinerMesh(NamedTuple):
+    """A ``model`` with a finer mesh of its beams, or why there is ``none``."""
+
+    model: Model | None
+    none: str = ""
+
+
+class MeshError:
+    """The estimate while the run goes on: the ``largest`` error [m], and whether the run of the
+    finer mesh has ``stopped``, ``until`` when it is known [s].
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        finer: FinerMesh,
+        integrators: Sequence[SubsystemIntegrator],
+        settings: RunSettings,
+        chunk: int,
+    ) -> None:
+        self.why, self.largest, self.until, self.stopped = finer.none, 0.0, 0.0, False
+        self.record: list[tuple[float, float]] = []  # time before a larger error, and that error
+        self.integrators: list[SubsystemIntegrator] = []
+        self.elements = sum(len(beam.lengths) for beam in model.beams)
+        self.degree = min(beam.degree for beam in model.beams)
+        if finer.model is None:
+            return
+        together = settings.full or settings.adaptive
+        first = integrators[0]
+        self.integrators = [
+            SubsystemIntegrator(
+                with_given_steps(subsystem, settings),
+                first.solver,
+                settings.full,
+                chunk,
+                storages=first.storages,
+            )
+            for subsystem in ([finer.model] if together else split(finer.model))
+        ]
+        mine, other = (_places(group) for group in (integrators, self.integrators))
+        self.pairs = [(mine[place], other[place]) for place in mine if place in other]
+        for integrator in self.integrators:
+            integrator.show_start()
+
+    def begin(self, integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
+        """Compare the rows at t = 0; return as ``follow``."""
+        return self._compare(integrators, np.zeros(1))
+
+    def follow(
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        steps: Steps,
+        schedule: OutputSchedule,
+        times: np.ndarray,
+    ) -> np.ndarray:
+        """Let the finer mesh follow the ``steps`` of the run; return the estimated errors (m,) [m]
+        of positions in the rows of the ``schedule``, at ``times``; 0 where they are not known.
+        """
+        for k, integrator in enumerate(self.integrators if not self.stopped else []):
+            integrator.stepper.follow_degree(integrators[min(k, len(integrators) - 1)].stepper)
+            self.stopped = self.stopped or not advance(integrator, steps.sizes, schedule)
+        return self._compare(integrators, times)
+
+    def _compare(self, integrators: Sequence[SubsystemIntegrator], times: np.ndarray) -> np.ndarray:
+        errors = np.zeros(len(times))
+        if self.stopped or not len(times) or not self.integrators:
+            return errors
+        mine, other = (
+            [first_rows(one, len(times)).states for one in group]
+            for group in (integrators, self.integrators)
+        )
+        for (i, a), (j, b) in self.pairs:
+            apart = mine[i][:, 12 * a : 12 * a + 3] - other[j][:, 12 * b : 12 * b + 3]
+            errors = np.maximum(errors, SAFETY * np.linalg.norm(apart, axis=1))
+        if not np.isfinite(errors).all():
+            self.stopped = True
+            return np.zeros(len(times))
+        before = [self.until, *times]
+        for k, error in enumerate(errors.tolist()):
+            if error > GROWTH * (self.record[-1][1] if self.record else 0.0):
+                self.record.append((float(before[k]), error))
+        self.largest = max(self.largest, float(errors.max()))
+        self.until = float(times[-1])
+        return errors
+
+    @property
+    def known(self) -> bool:
+        """Whether the error is known to the end of the run."""
+        return bool(self.integrators) and not self.stopped
+
+    def horizon(self, accuracy: float) -> float:
+        """Time [s] up to which the error stays within ``accuracy`` [m]."""
+        return next((time for time, error in self.record if error > accuracy), self.until)
+
+    def as_json(self) -> dict[str, Any]:
+        """The figures by their names in ``run.json``."""
+        unknown = self.why or f"the run of a finer mesh did not converge after t = {self.until:g} s"
+        found: dict[str, Any] = {"elements": self.elements, "degree": self.degree}
+        found |= {"error": self.largest} if self.integrators else {}
+        return found if self.known else {**found, "unknown": unknown}
+
+    def numbers(self) -> dict[str, Any]:
+        """All figures so far, for a snapshot."""
+        known = {"largest": self.largest, "until": self.until, "stopped": self.stopped}
+        return {**known, "record": list(self.record)}
+
+    def restore(self, numbers: dict[str, Any]) -> None:
+        """Restore what ``numbers`` returned."""
+        self.largest, self.until = numbers["largest"], numbers["until"]
+        self.stopped = numbers["stopped"]
+        self.record = [(time, error) for time, error in numbers["record"]]
+
+
+def _places(integrators: Sequence[SubsystemIntegrator]) -> dict[Place, tuple[int, int]]:
+    """Subsystem and number of the body at each place."""
+    return {
+        place: (k, index)
+        for k, integrator in enumerate(integrators)
+        for place, index in common_places(integrator.model).items()
+    }
