@@ -9,8 +9,9 @@ import pytest
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
 from msahl.expressions.syntax import parse
-from msahl.model import Joint, JointActuator, SignalState
+from msahl.model import Joint, JointActuator, Options, SignalState
 from msahl.model.signals import SignalTable
+from tests.run.test_resume import same_run
 from tests.support.models import GROUND, body, build_model, simulate
 
 MASS = 2.0
@@ -173,3 +174,11 @@ def test_inputs_that_are_faster_than_the_steps_are_in_the_estimated_error():
     true = abs(run.states[-1, 3] - 400.0 / omega * 0.1)
     assert true > 1e-2
     assert 0.3 < run.report.error["position"] / true < 10.0
+
+
+@pytest.mark.parametrize("scene", ["dead zone", "two-point control"])
+def test_runs_go_on_bit_for_bit_while_switches_are_held(monkeypatch, scene):
+    model, _ = SCENES[scene]
+    simulation = replace(model.simulation, scheme="gauss", degree=2, dt=0.03, t_final=0.9)
+    options = Options(solver="newton")
+    same_run(monkeypatch, replace(model, simulation=simulation), options, 15)
