@@ -86,7 +86,14 @@ def writing(path: Path, remedy: str = "") -> Iterator[None]:
         sys.exit(NOT_WRITTEN)
 
 
-def _show_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """Print a warning of Python without the line of the source. Those of arithmetic say nothing to
     a user: results are checked for numbers that are not finite."""
     if not issubclass(category, RuntimeWarning):

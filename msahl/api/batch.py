@@ -16,7 +16,7 @@ from itertools import chain, islice
 from queue import SimpleQueue
 from typing import Any, Literal, Unpack, overload
 
-from msahl.api.arguments import COUNT, Choice, Names, require
+from msahl.api.arguments import COUNT, Names, require
 from msahl.api.model import Model, Value
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
@@ -24,7 +24,7 @@ from msahl.api.running import at_start
 from msahl.api.worker import EndedError, Outcome, outcome_of, receive, send
 from msahl.jit.compiled import prepare
 from msahl.results.job import Job
-from msahl.run.options import OptionError
+from msahl.run.options import Choice, OptionError
 from msahl.run.setup import build_setup
 from msahl.run.tables import ERROR, tables_of_model
 from msahl.start.velocities import StartError

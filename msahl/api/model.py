@@ -13,7 +13,6 @@ from msahl.api.arguments import (
     COUNT,
     NOT_NEGATIVE,
     At,
-    Choice,
     Mapped,
     Names,
     Numbers,
@@ -29,7 +28,7 @@ from msahl.deck import ParsedDeck, Source, listed_parameters
 from msahl.deck.overrides import STOP_WHEN
 from msahl.model import Model as Records
 from msahl.results.job import Job, make_job
-from msahl.run.options import OptionError, checked_options
+from msahl.run.options import Choice, OptionError, checked_options
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement

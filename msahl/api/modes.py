@@ -25,9 +25,10 @@ from msahl.analysis.modes.solution import COLUMNS as MODE_COLUMNS
 from msahl.analysis.modes.solution import Modes as Found
 from msahl.analysis.modes.solution import mode_rows, shape_columns
 from msahl.analysis.modes.solution import modes as modes_at
-from msahl.api.arguments import Integer, require
+from msahl.api.arguments import require
 from msahl.api.html import html_table
 from msahl.model import Model as Records
+from msahl.run.options import Integer
 
 if TYPE_CHECKING:
     import pandas as pd

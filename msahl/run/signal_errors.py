@@ -104,6 +104,7 @@ def _terms(integrator: SubsystemIntegrator, scales: Scales) -> np.ndarray:
     """
     system, start = integrator.workspace.system, integrator.workspace.start.forces
     group, state = system.forces.signals, integrator.workspace.state
+    assert group is not None, "a subsystem with signals"
     with np.errstate(all="ignore"):
         forces.set_prepared_inputs(group, start, system.scalar)
         results.evaluate(group, start.signals)
