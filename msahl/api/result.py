@@ -21,7 +21,6 @@ from msahl.run.report import COMPLETED, Report
 from msahl.run.tables import (
     ACCELERATIONS,
     ERROR,
-    ERROR_COLUMNS,
     JOINTS,
     MARKERS,
     REACTIONS,
@@ -30,6 +29,7 @@ from msahl.run.tables import (
     SYSTEM,
     WORK,
     MemorySink,
+    error_columns,
     tables_of_model,
 )
 from msahl.run.verdict import describe_verdict
@@ -137,7 +137,7 @@ class Result:
         """Return the names of the columns of a table."""
         self.array(table)
         if table == ERROR:
-            return ERROR_COLUMNS
+            return error_columns(self.records)
         return (self._columns or tables_of_model(self.records))[table]
 
     def frame(self, table: str) -> "pd.DataFrame":

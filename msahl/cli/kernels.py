@@ -84,12 +84,10 @@ def _models() -> Iterator[Model]:
 
 def kind_of(model: Model) -> Description:
     """Return what the machine code of a model depends on: the types of the arrays of its system,
-    and of its margins if it has events.
+    and of its margins if it has events in steps of low or high order.
     """
-    system = build_system(model)
-    # Steps of an order above 2 have all kinds of margins.
-    margins = build_margins(system, order=3, span=Span(model.simulation.t_final))
-    return describe((system, margins))
+    system, span = build_system(model), Span(model.simulation.t_final)
+    return describe((system, *(build_margins(system, order, span) for order in (2, 4))))
 
 
 def _calls(model: Model) -> Iterator[Call]:

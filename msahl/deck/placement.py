@@ -242,6 +242,11 @@ class _Placing:
                 "all given coordinates and places; correct these, or mark coordinates that may "
                 'change by approximate="true"'
             )
+            known = {end for s, given in starts if given for end in (s.joint.parent, s.joint.child)}
+            for name in (worst.joint.parent, worst.joint.child):
+                if not self.own[name].place and name not in known:
+                    nothing = f"neither a place of '{name}' nor a coordinate of its joints is given"
+                    message = f"{message}; {nothing}"
             self._fail(self._element(worst.joint.name), message)
         for branch in branches if self.is_sound else ():
             joint = branch.start.joint

@@ -132,7 +132,7 @@ def with_fast_inputs(
         fast |= deviation > np.maximum(UNRESOLVED * change, CONSTANT * np.abs(between).max())
     if not fast.any():
         return known if known.time.size or known.switch.size else None
-    parts = max(2, min(PARTS, MOST_EXAMINED // np.count_nonzero(fast)))
+    parts = max(2, min(PARTS, MOST_EXAMINED // int(np.count_nonzero(fast))))
     number = np.arange(1, parts)
     share = (number + UNEVEN * (number * GOLDEN % 1.0)) / parts
     more = (begin[fast, None] + size[fast, None] * share).ravel()

@@ -24,7 +24,7 @@ margin: steps end there, and each switch holds its value between them.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -119,10 +119,12 @@ def build_margins(system: System, order: int, span: Span) -> Margins | None:
     kinds, count = {margin.kind for margin in found}, 0
     if system.scalar is not None and kinds - {EXPRESSION}:
         count = system.scalar.coordinates.kind.size
-    columns = (np.array(column) for column in zip(*found, strict=True))
-    empty = (np.zeros(0, dtype=type(default)) for default in Margin(0, 0, 0))
+    columns: dict[str, Any] = {
+        name: np.array([getattr(margin, name) for margin in found], dtype=type(default))
+        for name, default in Margin(0, 0, 0)._asdict().items()
+    }
     return Margins(
-        *(columns if found else empty),
+        **columns,
         laws=all_laws(signals, system.laws),
         held=np.zeros(0) if signals is None else signals.tape.held,
         known=known or NO_TIMES,
@@ -141,7 +143,9 @@ def _of_stops(system: System) -> Iterator[Margin]:
 def _of_expressions(system: System, jumps_only: bool) -> Iterator[Margin]:
     """Yield the margins of switches and tables in expressions of the motion."""
     signals, first = system.forces.signals, system.laws.kind.size
-    for place in [] if signals is None else places_in_motion(signals):
+    if signals is None:
+        return
+    for place in places_in_motion(signals):
         margin = Margin(EXPRESSION, place.place, SPLIT, near=NEAR)
         if place.switch >= 0:
             tape, k = signals.tape, place.switch

@@ -112,7 +112,9 @@ def _tangent(x: Bounds) -> Bounds:
     return np.where(pole, -math.inf, low), np.where(pole, math.inf, high)
 
 
-def _limited(function: Callable[..., np.ndarray], low: float, high: float) -> Callable:  # type: ignore[type-arg]
+def _limited(
+    function: Callable[[Bounds], Bounds], low: float, high: float
+) -> Callable[[Bounds], Bounds]:
     """Return ``function`` on the part of an interval that is within its domain, if there is one."""
 
     def found(x: Bounds) -> Bounds:

@@ -9,7 +9,7 @@ tape, each between the times that those before it have, so every interval has on
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,7 +94,7 @@ def known_times(tape: Tape, operations: list[int], time: int, end: float) -> Kno
     )
 
 
-def _levels(tape: Tape, i: int) -> list[tuple[int, Callable[[np.ndarray], np.ndarray]]]:
+def _levels(tape: Tape, i: int) -> list[tuple[int, Callable[..., Any]]]:
     """Return the places whose levels matter to operation ``i``, each with a function that says
     between which levels values are.
     """

@@ -400,6 +400,34 @@ def gradient(tape: Tape, values: Values, place: int) -> None:
             adjoint[b] += slope * by_b
 
 
+def magnitudes(tape: Tape, values: Values, of_inputs: np.ndarray) -> np.ndarray:
+    """Sizes of all values after ``sweep``: the largest that each and the terms of which it consists
+    may have, where the inputs are known by their sizes ``of_inputs`` (inputs,) alone.
+
+    Not compiled: it is asked once in a run.
+    """
+    value, first = values.value, tape.constant.size + tape.inputs
+    size = np.abs(value)
+    size[tape.constant.size : first] = np.maximum(size[tape.constant.size : first], of_inputs)
+    for i, (op, a, b) in enumerate(zip(tape.op, tape.a, tape.b, strict=True)):
+        x, y, result = value[a], value[b], value[first + i]
+        by_a, by_b = 0.0, 0.0
+        if op < FIRST_BINARY:
+            by_a = unary_slope(op, x, result)
+        elif op < WHERE:
+            by_a, by_b = binary_slopes(op, x, y, result)
+        elif op == CURVE and math.isfinite(x):
+            by_a = functions.evaluate(tape.laws, tape.c[i], x)[1]
+        elif op == SURFACE:
+            _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], x, y)
+        elif op == WHERE:
+            a, by_a = (b if x != 0.0 else tape.c[i]), 1.0
+        terms = abs(by_a) * size[a] + abs(by_b) * size[b]
+        if terms > size[first + i]:
+            size[first + i] = terms
+    return size
+
+
 @apart
 def unary(op: int, x: float) -> float:
     """Return the result of an operation on one value."""

@@ -36,8 +36,8 @@ from msahl.elements.constraints.scalar import differentiate as scalar_differenti
 from msahl.elements.constraints.scalar import rates as scalar_rates
 from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.elements.signals import group as signals
-from msahl.elements.signals import inputs, results
-from msahl.elements.signals.group import Signals, SignalsWorkspace
+from msahl.elements.signals import inputs, results, states
+from msahl.elements.signals.group import Signals, SignalsWorkspace, Stages
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import (
     actuator,
@@ -551,6 +551,22 @@ def set_prepared_inputs(
     """Set the inputs of the signals at the prepared configuration."""
     _set_rates(scalar, start.place, start.motion)
     inputs.set_inputs(group, start.signals, start.motion, scalar, start.place)
+
+
+@optional()
+def begin_signals(group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None) -> None:
+    """Save the inputs of the signals at the prepared start of a step of the midpoint element."""
+    begin_stages(group, start, scalar, start.signals.step)
+
+
+@optional()
+def begin_stages(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None, stages: Stages
+) -> None:
+    """Save the inputs of the signals at the prepared start of a step for its ``stages``."""
+    if group.rate.size > 0:
+        set_prepared_inputs(group, start, scalar)
+        states.save_start(group, start.signals, stages)
 
 
 @optional()

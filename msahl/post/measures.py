@@ -27,7 +27,7 @@ from msahl.model import Model
 from msahl.printable import printable
 from msahl.run.column_units import quantity
 from msahl.run.report import Report, camel_case
-from msahl.run.tables import ERROR, ERROR_COLUMNS, tables_of_model
+from msahl.run.tables import ERROR, error_columns, tables_of_model
 
 
 def _mean(times: np.ndarray, values: np.ndarray) -> float:
@@ -190,7 +190,7 @@ def evaluate_columns(
 
 def tables_with_columns(model: Model) -> dict[str, list[str]]:
     """Return the columns of all tables of a run, by name."""
-    return {**tables_of_model(model), ERROR: list(ERROR_COLUMNS)}
+    return {**tables_of_model(model), ERROR: error_columns(model)}
 
 
 def components(column: str, tables: Mapping[str, list[str]]) -> list[tuple[str, int]]:

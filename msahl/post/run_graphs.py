@@ -189,7 +189,7 @@ def _error(run: Run, metrics: Metrics, choice: Choice) -> Group:
     if run.errors is None or len(run.errors) < 2:
         return Group(title, (), "the error of the run was not estimated")
     names = ("position", "orientation (angle times length)")
-    curves = _named(names, run.errors.to_numpy()[:, 1:])
+    curves = _named(names, run.errors.to_numpy()[:, 1 : 1 + len(names)])
     graph = Graph("estimated error [m]", run.errors["time"].to_numpy(), curves, log=True)
     return Group(title, (graph,))
 

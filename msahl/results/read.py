@@ -15,7 +15,7 @@ from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, DRIVES, PART, file_name
-from msahl.run.tables import ERROR, ERROR_COLUMNS, REACTIONS, STATES, WORK, tables_of_model
+from msahl.run.tables import ERROR, REACTIONS, STATES, WORK, error_columns, tables_of_model
 
 __all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
 
@@ -98,7 +98,7 @@ def read_run(folder: Path) -> Run:
             if name not in (STATES, REACTIONS, WORK)
         },
         partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
-        errors=_errors(folder, tables[STATES_FILE]["time"].to_numpy(), info),
+        errors=_errors(folder, model, tables[STATES_FILE]["time"].to_numpy(), info),
         drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )
 
@@ -121,14 +121,16 @@ def _drives(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFra
     return table
 
 
-def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
+def _errors(
+    folder: Path, model: Model, times: np.ndarray, info: dict[str, Any]
+) -> pd.DataFrame | None:
     """The table of estimated errors, at the first of these ``times``; None if there is none."""
     estimate, path = info.get("error") or {}, find(folder, ERROR_FILE)
     if path is None:
         if estimate:
             raise ResultError(f"{shown_path(folder / ERROR_FILE)}: missing; {AGAIN}")
         return None
-    table = _table(path, ERROR_COLUMNS).iloc[: len(times)]
+    table = _table(path, error_columns(model)).iloc[: len(times)]
     check_rows(path, table)
     if estimate.get("complete") and len(table) != len(times):
         raise ResultError(wrong_count(path, len(table), f"states.csv has {len(times)}"))

@@ -16,7 +16,7 @@ import numpy as np
 import orjson
 
 from msahl.model import Model
-from msahl.run.tables import ERROR, ERROR_COLUMNS, TABLES, tables_of_model
+from msahl.run.tables import ERROR, TABLES, error_columns, tables_of_model
 
 PART = ".part"
 INFO, DECK, CHECKPOINT = "run.json", "deck.xml", "checkpoint"
@@ -121,9 +121,9 @@ class RunFolder:
         if ends is None:
             clear(folder)
             replace_file(folder / DECK, deck)
-        columns = tables_of_model(model)
+        columns, self.of_errors = tables_of_model(model), error_columns(model)
         if ends is not None and file_name(ERROR) in ends:
-            columns[ERROR] = ERROR_COLUMNS
+            columns[ERROR] = self.of_errors
         self.tables: dict[str, Table] = {}
         for name, head in columns.items():
             file = file_name(name)
@@ -132,7 +132,7 @@ class RunFolder:
     def write(self, tables: Mapping[str, np.ndarray]) -> None:
         """Append rows to every table of the model, or, if one cannot be written, to none."""
         if ERROR not in self.tables and len(tables.get(ERROR, ())):
-            self.tables[ERROR] = Table(self.folder / file_name(ERROR), ERROR_COLUMNS)
+            self.tables[ERROR] = Table(self.folder / file_name(ERROR), self.of_errors)
         before = {name: table.end for name, table in self.tables.items()}
         try:
             for name, table in self.tables.items():

@@ -13,6 +13,7 @@ from msahl.joints.coordinates import SUFFIXES, is_angle
 from msahl.model import Model
 from msahl.model.couplings import COORDINATES
 from msahl.model.signals import SignalTable
+from msahl.run.tables import ERROR_OF
 
 TIME = "time"
 
@@ -96,6 +97,8 @@ def quantity(column: str, model: Model | None = None) -> Quantity:
     name, point, suffix = column.rpartition(".")
     if column == TIME:
         return Quantity("time", "s")
+    if suffix == ERROR_OF:
+        return Quantity(ERRORS["position"].word, quantity(name, model).unit)
     if not point:
         return ERRORS.get(column) or (_signal(column, model) if model else SIGNAL)
     found = QUANTITIES.get(suffix, UNKNOWN)

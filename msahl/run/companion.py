@@ -49,10 +49,11 @@ damps is damped by its companion as well."""
 
 
 class Rows(NamedTuple):
-    """Rows of one subsystem's tables: states (m, 12 n), reactions (m, ...)."""
+    """Rows of one subsystem's tables: states (m, 12 n), reactions (m, ...), signals (m, ...)."""
 
     states: np.ndarray
     reactions: np.ndarray
+    signals: np.ndarray
 
 
 class Steps(NamedTuple):
@@ -124,7 +125,7 @@ class HalfStepCompanion:
             if self.means:
                 both = first_rows(companion_integrator, 2 * len(times))
                 mean = 0.5 * (both.reactions[::2] + both.reactions[1::2])
-                rows.append(Rows(both.states[1::2], mean))
+                rows.append(Rows(both.states[1::2], mean, both.signals[1::2]))
             else:
                 rows.append(first_rows(companion_integrator, len(times)))
         return rows
@@ -226,7 +227,7 @@ def choose_companion(
 def first_rows(integrator: SubsystemIntegrator, count: int) -> Rows:
     """The first rows of the present chunk."""
     tables = integrator.workspace.tables
-    return Rows(tables.states[:count], tables.reactions[:count])
+    return Rows(tables.states[:count], tables.reactions[:count], tables.signals[:count])
 
 
 def with_given_steps(model: Model, settings: RunSettings) -> Model:

@@ -8,6 +8,7 @@ from msahl.run.messages import angles_uncertain, slides
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
+from msahl.run.signal_errors import Scales
 from msahl.run.tables import counts_revolutions
 from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
@@ -78,6 +79,11 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
             unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
         ]
         estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
+    if estimate:
+        energy = max(record.extremes.size, record.extremes.scale)
+        by_time = record.length / report.time if report.time > 0.0 else 0.0
+        scales = Scales(record.length, max(speed, by_time), energy)
+        estimate.judge_signals(setup.integrators, scales)
     if settings.error == OFF:
         report.extremes |= {"localErrorMax": None, "localErrorSum": None}
 
@@ -96,6 +102,8 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         joints=report.joints,
         dt=longest_step(setup, report),
         order=settings.order,
+        conserves=not settings.degree,
+        works=any(bool(integrator.workspace.state.work.any()) for integrator in setup.integrators),
         by_cayley=not settings.degree and not settings.exponential,
         tolerance=setup.attempts.goal if setup.attempts else None,
         local_tolerance=settings.local_tolerance,

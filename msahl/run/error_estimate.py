@@ -25,7 +25,8 @@ Errors that both runs make alike are in ``unseen_errors``.
 
 Errors are those of the published numbers: positions of the bodies' reference points [m],
 orientations as angle times the body's length [m], velocities [m/s] and angular velocities [rad/s]
-in body axes, joint forces [N] and moments [N m], loads of couplings and prescribed motions.
+in body axes, joint forces [N] and moments [N m], loads of couplings and prescribed motions, and
+signals, auxiliary states and loads of actuators, each by itself (``signal_errors``).
 """
 
 from collections.abc import Sequence
@@ -46,6 +47,7 @@ from msahl.run.companion import (
     Steps,
     first_rows,
 )
+from msahl.run.signal_errors import Scales, SignalErrors
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.unseen_errors import unseen_motion
 from msahl.schemes.output_schedule import OutputSchedule
@@ -94,6 +96,8 @@ class ErrorEstimate:
             not isinstance(companion, HigherOrderCompanion) or settings.instantaneous
         )
         self.largest = dict.fromkeys(FIGURES, 0.0)
+        self.sizes = dict.fromkeys(REACTION_FIGURES, 0.0)  # largest reactions so far
+        self.signals = SignalErrors(model, integrators)
         self.record: list[tuple[float, float]] = []  # time before a larger error, and that error
         self.speeds = [np.zeros((2, len(one))) for one in self.lengths]  # highest so far
         self.until, self.stopped = 0.0, False
@@ -126,8 +130,9 @@ class ErrorEstimate:
         times: np.ndarray,
     ) -> np.ndarray:
         """Let the companion follow the ``steps`` of the run, and compare the rows of the
-        ``schedule``, at ``times``. Returns (m, 3): time [s], estimated errors of positions and of
-        orientations [m]; without rows after the companion has stopped.
+        ``schedule``, at ``times``. Returns (m, 3 + signals): time [s], estimated errors of
+        positions and of orientations [m], and of signals; without rows after the companion has
+        stopped.
         """
         if self.stopped or not len(steps.sizes):
             return NO_ERRORS
@@ -145,7 +150,7 @@ class ErrorEstimate:
         if not len(times):
             return NO_ERRORS
         if self.kept is not None:
-            self.kept.append([Rows(rows.states.copy(), rows.reactions.copy()) for rows in others])
+            self.kept.append([Rows(*(table.copy() for table in rows)) for rows in others])
         found = dict.fromkeys(FIGURES, np.zeros(len(times)))
         for k, (mine, other) in enumerate(zip(own, others, strict=True)):
             errors = self._state_errors(k, mine.states, other.states, h)
@@ -156,7 +161,13 @@ class ErrorEstimate:
         for name in self.largest:
             self.largest[name] = max(self.largest[name], float(found[name].max()))
         self._note(np.maximum(found["position"], found["orientation"]), times)
-        return np.stack([times, found["position"], found["orientation"]], axis=1)
+        of_signals = self.signals.compare(
+            [rows.signals for rows in own],
+            [rows.signals for rows in others],
+            self.companion.factor,
+        )
+        bodies = np.stack([times, found["position"], found["orientation"]], axis=1)
+        return np.concatenate([bodies, of_signals], axis=1)
 
     def _state_errors(
         self, k: int, mine: np.ndarray, other: np.ndarray, h: np.ndarray
@@ -191,8 +202,9 @@ class ErrorEstimate:
         errors, apart = {}, self.companion.factor * np.abs(mine - other)
         for kind, columns in self.columns[k].items():
             if len(columns):
-                square = (apart[:, columns] ** 2).sum(axis=2)
-                errors[kind] = np.sqrt(square).max(axis=1)
+                errors[kind] = np.linalg.norm(apart[:, columns], axis=2).max(axis=1)
+                size = float(np.linalg.norm(mine[:, columns], axis=2).max())
+                self.sizes[kind] = max(self.sizes[kind], size)
         return errors
 
     def _note(self, errors: np.ndarray, times: np.ndarray) -> None:
@@ -233,6 +245,11 @@ class ErrorEstimate:
         if self.until > 0.0:
             self.largest["velocity"] = max(self.largest["velocity"], unseen / self.until)
 
+    def judge_signals(self, integrators: Sequence[SubsystemIntegrator], scales: Scales) -> None:
+        """Compare the errors of signals with their sizes, at the end of the run."""
+        if self.signals.names:
+            self.signals.compare_sizes(integrators, scales)
+
     def as_earlier_run(self) -> EarlierRun:
         """The companion's rows of the complete run, which were kept."""
         assert self.kept is not None
@@ -263,6 +280,8 @@ class ErrorEstimate:
             "speeds": [speeds.tolist() for speeds in self.speeds],
             "until": self.until,
             "stopped": self.stopped,
+            "sizes": dict(self.sizes),
+            "signals": self.signals.numbers(),
         }
 
     def restore(self, numbers: dict[str, Any]) -> None:
@@ -271,16 +290,23 @@ class ErrorEstimate:
         self.record = [(time, error) for time, error in numbers["record"]]
         self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
         self.until = numbers["until"]
+        self.sizes = dict(numbers["sizes"])
+        self.signals.restore(numbers["signals"])
         self.kept = None  # the rows before are missing
 
     def as_json(self) -> dict[str, Any]:
         """The figures by their names in ``run.json``; after ``until`` the error is not known."""
         known = [kinds for kinds in self.columns if self.compares_reactions]
-        shown = {
+        shown: dict[str, Any] = {
             name: float(value)
             for name, value in self.largest.items()
             if name in STATE_FIGURES or any(len(kinds[name]) for kinds in known)
         }
+        reactions = [kind for kind in REACTION_FIGURES if kind in shown]
+        if reactions:
+            shown["largest"] = {kind: self.sizes[kind] for kind in reactions}
+        if self.signals.names:
+            shown["signals"] = self.signals.as_json()
         accuracy = {}
         if self.accuracy is not None:
             accuracy = {"accuracy": self.accuracy, "trustHorizon": self.horizon(self.accuracy)}

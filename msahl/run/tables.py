@@ -47,8 +47,8 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     RESULTANTS: resultant_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
-ERROR_COLUMNS = ["time", "position", "orientation"]
-"""Columns of the table of estimated errors [s, m, m]."""
+ERROR_OF = "estimatedError"
+"""Suffix of the columns of signals in the table of estimated errors."""
 OBSERVED = (JOINTS, MARKERS, SYSTEM, BEAMS)
 """Tables that are computed from others."""
 TABLES = (*COLUMNS, *OBSERVED, ERROR)
@@ -115,6 +115,12 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
     if has_signals(model):
         tables[SIGNALS] = signal_columns(model)
     return tables
+
+
+def error_columns(model: Model) -> list[str]:
+    """Header of ``error.csv``: positions and orientations [m], then as ``signals.csv`` [SI]."""
+    of_signals = [f"{name}.{ERROR_OF}" for name in signal_columns(model)[1:]]
+    return ["time", "position", "orientation", *of_signals]
 
 
 class Sink(Protocol):

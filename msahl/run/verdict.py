@@ -20,8 +20,8 @@ PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
 WARN_FACTOR = 10.0
 """Factor times a limit of the deck up to which a figure warns; beyond it fails."""
 ENERGY, ENERGY_FAIL = 1e-8, 1e-3
-"""Energy error relative to the largest kinetic energy that warns, and fails. A million steps of the
-preserving scheme drift by about 1e-12."""
+"""Energy error relative to the largest kinetic energy that warns, and fails, of schemes that
+conserve it. A million steps of the preserving scheme drift by about 1e-12."""
 VIOLATION, VIOLATION_FAIL = 1e-9, 1e-5
 """Constraint violation relative to the longest body that warns, and fails; steps reach 1e-14."""
 MOMENTUM, MOMENTUM_FAIL = 1e-9, 1e-4
@@ -45,6 +45,14 @@ MESH_SHARE = 0.5
 """Share of a limit that the error by the mesh of beams may take, beside that of the steps."""
 PIVOT_RATIO = 1e13
 """Ratio of the pivots above which a step's solution keeps fewer than three digits."""
+STATE, SIGNAL, SIGNAL_FAIL = 0.01, 0.05, 0.3
+"""Error relative to its largest value of an auxiliary state that warns, of a signal or the load of
+an actuator, which may be rates or differences, and of either that fails. It is one that lasts
+(``signal_errors``)."""
+REACTION = 0.5
+"""Error of a kind of reactions, relative to the largest of them, that warns."""
+NOISE = 1e-9
+"""Reactions, relative to the energies over the bodies' length, that are zero but for noise."""
 LARGE_ROTATION = 0.1
 """Rotation in a step [rad] at which the Cayley transform is off by a thousandth of it."""
 MOST_NAMED = 8
@@ -106,6 +114,8 @@ class Figures:
     joints: int
     dt: float
     order: int  # of the scheme
+    conserves: bool  # whether the scheme conserves energy at any step size
+    works: bool  # whether anything did work, so that energy is a balance
     by_cayley: bool  # whether rotations are updated by the Cayley transform
     tolerance: float | None  # of the global error [m], by which the step size was chosen
     local_tolerance: float | None  # of the sum of local errors [m], likewise
@@ -123,6 +133,12 @@ class Figures:
     def size(self) -> float:
         """Size of the model [m]: its longest body, or its largest displacement if larger."""
         return max(self.length, self.extreme("displacementMax"))
+
+    @property
+    def size_in_words(self) -> str:
+        """What the size of the model is."""
+        moves = self.size > self.length
+        return f"the {'largest displacement' if moves else 'longest body'}, {self.size:.3g} m"
 
     def extreme(self, name: str) -> float:
         """An extreme of the run by its name; NaN where it is not known."""
@@ -166,18 +182,27 @@ def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
         word = grade(error, floor, floor)
         yield Finding("energy", word, f"nothing moves, and the energy error is {error:.1e} J")
         return
-    # A position error of this size makes a relative energy error of the same size.
-    default = max(
-        ENERGY, WARN_FACTOR * (figures.tolerance or figures.local_tolerance or 0.0) / figures.length
-    )
-    limit, fail = _limits_of(limits.energy, default, max(ENERGY_FAIL, default))
+    limit, fail = _limits_of(limits.energy, *_energy_limits(figures))
     word = grade(error, max(limit * kinetic, floor), fail * kinetic)
-    conserved = "conserved" if word == PASS else "conserved only"
-    epsilons = error / (float_info.epsilon * figures.energy_size)
-    text = f"energy {conserved} to {error / kinetic:.1e} of the largest kinetic energy"
+    kept = "energy balance closed" if figures.works else "energy conserved"
+    only = "" if word == PASS else " only"
+    text = f"{kept}{only} to {error / kinetic:.1e} of the largest kinetic energy"
     taken = figures.extremes.get("energyTaken")
     more = f"; the scheme took {taken / kinetic:.1e} of it" if taken else ""
-    yield Finding("energy", word, f"{text} ({epsilons:.0f} machine epsilons){more}")
+    yield Finding("energy", word, f"{text}{more}")
+
+
+def _energy_limits(figures: Figures) -> tuple[float, float]:
+    """Relative energy errors that warn, and fail. A scheme that does not conserve energy by itself
+    is judged by the accuracy asked for: a position error makes a relative energy error of its size.
+    """
+    if figures.conserves:
+        return ENERGY, ENERGY_FAIL
+    asked = figures.tolerance or figures.local_tolerance or (figures.error or {}).get("accuracy")
+    default = ENERGY_FAIL if figures.error is None else ERROR
+    if asked is not None:
+        default = max(ENERGY, WARN_FACTOR * float(asked) / figures.length)
+    return default, max(ENERGY_FAIL, WARN_FACTOR * default)
 
 
 def _momentum(figures: Figures, limits: Limits) -> Iterator[Finding]:
@@ -249,6 +274,21 @@ def _pivot_ratio(figures: Figures, limits: Limits) -> Iterator[Finding]:
         yield Finding("pivotRatio", word, text)
 
 
+def _reaction_errors(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    """Reactions of which the estimated error leaves nothing; small ones are judged by the user."""
+    error: dict[str, Any] = figures.error or {}
+    energy, length = figures.energy_size, figures.length
+    units = {"force": ("N", length), "moment": ("N m", 1.0), "load": ("N or N m", min(length, 1.0))}
+    for kind, largest in error.get("largest", {}).items():
+        unit, lever = units[kind]
+        if error[kind] > max(REACTION * largest, NOISE * energy / lever):
+            text = (
+                f"estimated error of the joints' {kind}s {error[kind]:.1e} {unit}, of at most "
+                f"{largest:.1e} {unit}: do not use them; try a smaller --dt, or --scheme gauss"
+            )
+            yield Finding(f"{kind}Error", WARN, text)
+
+
 def _reactions(figures: Figures, limits: Limits) -> Iterator[Finding]:
     if figures.non_unique_reactions:
         named = dict(list(figures.non_unique_reactions.items())[:MOST_NAMED])
@@ -290,6 +330,8 @@ def _global_error(figures: Figures, error: dict[str, Any]) -> Finding:
     text = f"estimated position error at most {position:.1e} m"
     if orientation > position:
         text += f", orientation error at most {orientation:.1e} m (angle times body length)"
+    if error.get("accuracy") is None:
+        text += f", {largest / figures.size:.1g} of {figures.size_in_words}"
     mesh = error.get("mesh", {})
     by_mesh = float(mesh.get("error", 0.0))
     if by_mesh > 0.0:
@@ -377,6 +419,35 @@ def _unresolved(figures: Figures) -> str:
     return ""
 
 
+def _signals(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    """The errors of signals, auxiliary states and loads of actuators, each over its own size."""
+    columns: dict[str, Any] = (figures.error or {}).get("signals", {})
+    if not columns:
+        return
+    beyond = {
+        name: column
+        for name, column in columns.items()
+        if column["share"] > (STATE if column["state"] else SIGNAL)
+    }
+    if not beyond:
+        largest = max(column["share"] for column in columns.values())
+        text = f"errors of signals at most {largest:.1e} of their largest values"
+        yield Finding("signals", PASS, text)
+        return
+    # A state before what follows from it.
+    name, worst = max(beyond.items(), key=lambda item: (item[1]["state"], item[1]["share"]))
+    word = grade(max(column["share"] for column in beyond.values()), 0.0, SIGNAL_FAIL)
+    more = f", and {len(beyond) - 1} more are off" if len(beyond) > 1 else ""
+    what = "state" if worst["state"] else "signal"
+    yield Finding(
+        "signals",
+        word,
+        f"estimated error of {what} '{name}' {worst['error']:.1e}, {worst['share']:.1%} of its "
+        f"largest value {worst['largest']:.3g}{more}; try a smaller --dt, or --scheme radau where "
+        "states change faster than the steps",
+    )
+
+
 def _local_errors(figures: Figures) -> Finding:
     """The sum of the local errors; it never makes a run PASS."""
     if figures.extremes["localErrorSum"] is None:
@@ -401,6 +472,7 @@ def _local_errors(figures: Figures) -> Finding:
 CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
     _completion,
     _accuracy,
+    _signals,
     _energy,
     _momentum,
     _violation,
@@ -408,6 +480,7 @@ CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
     _constraint_work,
     _solver,
     _pivot_ratio,
+    _reaction_errors,
     _reactions,
     _initial_velocities,
 )

@@ -16,7 +16,7 @@ from msahl.run.column_units import shown_unit
 from msahl.run.options import Number
 from msahl.run.report import COMPLETED
 from msahl.sweep.axes import BY_NAME, Column
-from msahl.sweep.faults import PlanError
+from msahl.sweep.faults import PlanError, StoreError
 from msahl.sweep.measures import parse_measures, require_columns
 from msahl.sweep.plan import Plan
 from msahl.sweep.points import TIMED_OUT, Job, Resolver, Row, context_digest, is_kept
@@ -25,7 +25,6 @@ from msahl.sweep.store import (
     RUNS,
     Counts,
     Store,
-    StoreError,
     begin,
     claim,
     remove_left_over,

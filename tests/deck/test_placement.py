@@ -219,6 +219,18 @@ FAULTS = {
         ),
         "joint 'D': it cannot be closed: a constraint violation of",
     ),
+    "a loop through a body without place": (
+        pendulum(
+            joint="<angle>0.3</angle>",
+            ground="<rigidBody><name>Stone</name><mass>1</mass>"
+            "<moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi></rigidBody>",
+            tail="<distance><name>D</name><parent><name>Bob</name></parent>"
+            "<child><name>Stone</name></child><length>1</length></distance>"
+            "<pointSlider><name>S</name><parent><name>G</name><position><z>9</z></position>"
+            "<axis><z>1</z></axis></parent><child><name>Stone</name></child></pointSlider>",
+        ),
+        "; neither a place of 'Stone' nor a coordinate of its joints is given",
+    ),
     "rates that contradict each other": (
         pendulum(
             joint="<angle>0.3</angle><angleRate>1</angleRate>",

@@ -22,7 +22,7 @@ from msahl.post.view.columns import columns_of_run
 from msahl.results.read import read_run
 from msahl.results.sample import read_sample
 from msahl.run.column_units import UNKNOWN, quantity
-from msahl.run.tables import ERROR_COLUMNS, tables_of_model
+from msahl.run.tables import error_columns, tables_of_model
 from tests.support.models import ROOT
 from tests.support.run_folders import conical_rows, write
 
@@ -57,7 +57,7 @@ def drawn(figure):
 def test_every_column_of_every_deck_has_a_quantity(deck):
     model = read_deck(deck)
     columns = [name for names in tables_of_model(model).values() for name in names]
-    for column in [*columns, *ERROR_COLUMNS]:
+    for column in [*columns, *error_columns(model)]:
         found = quantity(column, model)
         assert found != UNKNOWN, column
         assert found.unit, column

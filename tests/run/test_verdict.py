@@ -44,6 +44,8 @@ GOOD = Figures(
     joints=2,
     dt=0.01,
     order=2,
+    conserves=True,
+    works=False,
     by_cayley=True,
     tolerance=None,
     local_tolerance=None,
@@ -99,6 +101,26 @@ CASES = {
     "energy lost": (energy_off_by(1.1e-3), {}, "energy", FAIL),
     "energy as the deck asks": (energy_off_by(1e-4), {"energy": 1e-3}, "energy", PASS),
     "energy not as the deck asks": (energy_off_by(1e-4), {"energy": 1e-6}, "energy", FAIL),
+    # Ten times the accuracy asked for over the length, 2e-3.
+    "energy of gauss as accurate as asked": (
+        {"conserves": False, **energy_off_by(1.9e-3), **erring()},
+        {},
+        "energy",
+        PASS,
+    ),
+    "energy of gauss less accurate than asked": (
+        {"conserves": False, **energy_off_by(2.1e-3), **erring()},
+        {},
+        "energy",
+        WARN,
+    ),
+    "energy of gauss without an estimate": (
+        {"conserves": False, "error": None, **energy_off_by(1.1e-3)},
+        {},
+        "energy",
+        WARN,
+    ),
+    "energy of gauss lost": ({"conserves": False, **energy_off_by(0.2)}, {}, "energy", FAIL),
     "energy unknown": (energy_off_by(float("nan")), {}, "energy", FAIL),
     # Both potential and kinetic energy are known to 2e-16 of the larger one only.
     "energy below the round-off of its terms": (
@@ -459,3 +481,15 @@ def test_the_report_gives_the_verdict(runs):
 def test_the_limit_to_fail_is_well_above_the_limit_to_warn():
     """Two runs that both err by the tolerance may differ by twice as much, not by ten times."""
     assert WARN_FACTOR > 2.0
+
+
+def test_the_line_says_which_energy_and_which_size_it_means():
+    """A throw over 79 m, 0.62 m wrong; a model in which something does work."""
+    far = with_extremes(displacementMax=79.0)
+    given = {"error": GOOD.error | {"position": 0.62, "orientation": 0.0}, **far}
+    checks = judge(replace(GOOD, **given), Limits()).as_json()["checks"]
+    assert checks["accuracy"]["text"].endswith("6.2e-01 m, 0.008 of the largest displacement, 79 m")
+    assert checks["energy"]["text"] == "energy conserved to 2.0e-14 of the largest kinetic energy"
+    checks = judge(replace(GOOD, works=True), Limits()).as_json()["checks"]
+    assert checks["accuracy"]["text"].endswith("0.0001 of the longest body, 5 m")
+    assert checks["energy"]["text"].startswith("energy balance closed to 2.0e-14 of the largest")

@@ -97,7 +97,10 @@ def motion_of(deck: Path, results: Path) -> dict[str, Any]:
     except ResultError:
         pass  # the run did not start
     scene["notes"] = []
-    run = {"name": deck.stem, "note": "Poses are shown to about 0.1 % of the motion."}
+    run: dict[str, Any] = {
+        "name": deck.stem,
+        "note": "Poses are shown to about 0.1 % of the motion.",
+    }
     run |= {"scene": _rounded(scene), "motion": motion, "columns": None}
     run |= {"modes": None, "isPartial": False}
     return {"isPage": True, "graph": [], "runs": [run]}
@@ -161,8 +164,8 @@ def _take(browser: Any, address: str, name: str) -> None:
     picture = THUMBS / f"{name}.webp"
     picture.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(BytesIO(page.screenshot())) as image:
-        edge = [(1.0 - CENTRE) / 2 * side for side in image.size]
-        box = (*edge, image.width - edge[0], image.height - edge[1])
+        left, top = ((1.0 - CENTRE) / 2 * side for side in image.size)
+        box = (left, top, image.width - left, image.height - top)
         small = image.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS, box)
         small.save(picture, quality=QUALITY, method=6)
     page.close()

@@ -53,10 +53,11 @@ def in_si(
                 f"{source}: no column '{printable(name)}' to map; the table has "
                 f"{', '.join(printable(each) for each in columns[:8])}"
             )
-    names, factors = [], []
+    names: list[str | None] = []
+    factors: list[float] = []
     for column in columns:
-        name, factor = _coordinate(column, mapping, source)
-        names.append(name)
+        coordinate, factor = _coordinate(column, mapping, source)
+        names.append(coordinate)
         factors.append(factor)
     used = [i for i, name in enumerate(names) if name is not None]
     kept = [name for name in names if name is not None]

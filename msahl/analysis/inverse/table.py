@@ -96,8 +96,8 @@ def read_motion(
     Raises ``InverseError``, or the errors of ``read_run``.
     """
     if not path.is_dir():
-        table = in_si(*_read_table(path), mapping, shown_path(path))
-        motion = motion_of_table(*table, model, shown_path(path))
+        names, numbers = in_si(*_read_table(path), mapping, shown_path(path))
+        motion = motion_of_table(names, numbers, model, shown_path(path))
         return replace(motion, error=_error_of_folder(path))
     run = read_run(path)
     columns, table = state_columns(model), run.states

@@ -16,22 +16,25 @@ An expression u(y, s) has inputs y and auxiliary states s, which follow s_dot = 
 
 **Over a step h of the midpoint element** they are means over the step:
 
-    value (y0 + y1)/2 ,  rate (y1 - y0)/h ,  spin axis . Q/h ,  t = t0 + h/2 ,  s_m = (s0 + s1)/2
-    s_m = s0 + h/2 f(y, s_m) ,  s1 = s0 + h f(y, s_m)                                          (1)
+    value (y0 + y1)/2 ,  rate (y1 - y0)/h ,  spin axis . Q/h ,  t = t0 + h/2
+
+**Over a step with s force nodes** c_i the states are collocated at Radau's m nodes r_j, so that
+those which change faster than the steps are damped in all schemes:
+
+    Y_j = E_j0 y(0) + sum_i E_ji y(c_i) ,  S_j = s0 + h sum_l A_jl f(Y_l, S_l) ,  s1 = S_m     (1)
+    s(c_i) = sum_j M_ij S_j ,   u_i = u(y(c_i), s(c_i))
+
+with A_jl the integral from 0 to r_j of the Lagrange polynomial of r_l, E the polynomials through 0
+and the c_i, M those through the r_j, without the start, from which a fast state jumps. In radau the
+r_j are the c_i, and E = M = 1. In gauss m = s + 1: the error of both is orthogonal to
+polynomials of degree s - 1, so the order stays 2s. The midpoint element is the case s = 1, c = 1/2.
 
 (1) is solved here, by Newton's method to round-off, so the states are no unknowns of the step. The
 derivative of a result contains them, by the implicit function theorem:
 
-    du/dy = u_y + u_s (1 - h/2 f_s)^-1 h/2 f_y
+    du_i/dy_n = delta_in u_y + u_s [M (1 - h A f_s)^-1 h A f_y E]_in
 
-**Over a collocation step** with force nodes c_i, A_il the integral from 0 to c_i of the Lagrange
-polynomial of c_l, and b_i that from 0 to 1:
-
-    S_i = s0 + h sum_l A_il f(y_l, S_l) ,   s1 = s0 + h sum_l b_l f(y_l, S_l)                  (2)
-    du_i/dy_j = delta_ij u_y + u_s [(1 - h A f_s)^-1 h A f_y]_ij
-
-(1) is (2) for one node with A = 1/2 and b = 1. All expressions of a system are one tape
-(``expressions.tape``): a model compiles nothing for them.
+All expressions of a system are one tape (``expressions.tape``): a model compiles nothing for them.
 
 ``group`` has the arrays, ``inputs`` y, ``states`` s over a step, ``results`` u and what they add to
 the equations of motion.

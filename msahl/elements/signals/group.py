@@ -42,22 +42,37 @@ class Signals(NamedTuple):
     acting: np.ndarray  # (r, 4) frames of these parts
 
 
+class StateNodes(NamedTuple):
+    """How auxiliary states are collocated at m Radau nodes of a step with s force nodes."""
+
+    integral: np.ndarray  # (m, m) A_jl
+    spread: np.ndarray  # (m, s + 1) from inputs at the start and at the c_i to those at the nodes
+    mean: np.ndarray  # (s, m) from the states at the nodes to those at the c_i
+
+
+MIDPOINT = StateNodes(
+    np.array([[5.0 / 12.0, -1.0 / 12.0], [0.75, 0.25]]),
+    np.array([[1.0 / 3.0, 2.0 / 3.0], [-1.0, 2.0]]),
+    np.array([[0.75, 0.25]]),
+)
+"""Of a step of the midpoint element: nodes 1/3 and 1, inputs along the line through the start and
+the means, which are those of the middle; states by their line there, which is their mean."""
+
+
 class Stages(NamedTuple):
-    """The auxiliary states at the s force nodes of a collocation step, and their derivatives.
+    """The auxiliary states of a step at m Radau nodes and s force nodes, and their derivatives."""
 
-    A step of the midpoint element has one node, with A = 1/2 and b = 1.
-    """
-
-    integral: np.ndarray  # (s, s) A_il
-    weight: np.ndarray  # (s,) b_i
-    input: np.ndarray  # (s, y)
-    state: np.ndarray  # (s, n) S_i
-    rate: np.ndarray  # (s, n) f there
-    rate_by_input: np.ndarray  # (s, n, y)
-    rate_by_state: np.ndarray  # (s, n, n)
-    matrix: np.ndarray  # (s n, s n) 1 - h A f_s, and its factors
-    pivot: np.ndarray  # (s n,)
-    right: np.ndarray  # (s n,)
+    nodes: StateNodes
+    begin: np.ndarray  # (y,) inputs at the start of the step
+    input: np.ndarray  # (s, y) at c_i
+    state: np.ndarray  # (s, n) S_i there
+    stage: np.ndarray  # (m, n) at the Radau nodes, the last of which is the end
+    rate: np.ndarray  # (m, n) f there
+    rate_by_input: np.ndarray  # (m, n, y)
+    rate_by_state: np.ndarray  # (m, n, n)
+    matrix: np.ndarray  # (m n, m n) 1 - h A f_s, and its factors
+    pivot: np.ndarray  # (m n,)
+    right: np.ndarray  # (m n,)
     slope: np.ndarray  # (s, s, e) of the results at c_i by their entries at c_j
     by_place: np.ndarray  # (s, y, 4, 3) of the inputs, by the unknowns' values at the node
     by_rate: np.ndarray  # (s, y, 4, 3) and by their rates
@@ -114,26 +129,27 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         gradient=np.zeros((most, 3)),
         gradient_rate=np.zeros((most, 3)),
         row=np.zeros((PARTS, 3)),
-        step=new_stages(group, np.array([[0.5]]), np.ones(1)),
+        step=new_stages(group, MIDPOINT),
     )
 
 
-def new_stages(group: Signals | None, integral: np.ndarray, weight: np.ndarray) -> Any:
-    """Return the arrays for the nodes with this ``integral`` and ``weight``; None without group."""
+def new_stages(group: Signals | None, nodes: StateNodes) -> Any:
+    """Return the arrays for these ``nodes``; None without group."""
     if group is None:
         return None
-    s, y, n = weight.size, group.kind.size, group.rate.size
+    (s, m), y, n = nodes.mean.shape, group.kind.size, group.rate.size
     return Stages(
-        integral=integral,
-        weight=weight,
+        nodes=nodes,
+        begin=np.zeros(y),
         input=np.zeros((s, y)),
         state=np.zeros((s, n)),
-        rate=np.zeros((s, n)),
-        rate_by_input=np.zeros((s, n, y)),
-        rate_by_state=np.zeros((s, n, n)),
-        matrix=np.zeros((s * n, s * n)),
-        pivot=np.zeros(s * n, dtype=np.int64),
-        right=np.zeros(s * n),
+        stage=np.zeros((m, n)),
+        rate=np.zeros((m, n)),
+        rate_by_input=np.zeros((m, n, y)),
+        rate_by_state=np.zeros((m, n, n)),
+        matrix=np.zeros((m * n, m * n)),
+        pivot=np.zeros(m * n, dtype=np.int64),
+        right=np.zeros(m * n),
         slope=np.zeros((s, s, group.entry_input.size)),
         by_place=np.zeros((s, y, PARTS, 3)),
         by_rate=np.zeros((s, y, PARTS, 3)),

@@ -34,8 +34,6 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
         states.save_inputs(group, start, start.step, 0)
         states.solve(group, start, start.step, start.state, h)
         states.set_slopes(group, start, start.step, h)
-    for k in range(n):
-        start.step.rate[0, k] = start.values.value[group.rate[k]]
     _set_results(group, start, n > 0)
 
 
@@ -67,9 +65,9 @@ def refuse_over_step(group: Signals, start: SignalsWorkspace, F: np.ndarray) -> 
 
 
 @optional()
-def accept(group: Signals, start: SignalsWorkspace, h: float, state: np.ndarray) -> None:
+def accept(group: Signals, start: SignalsWorkspace, state: np.ndarray) -> None:
     """Advance the auxiliary ``state`` (n,) by the solved step of the midpoint element."""
-    states.accept(group, start.step, h, state)
+    states.accept(group, start.step, state)
 
 
 @optional()

@@ -24,7 +24,8 @@ def files_of(deck: Path, readable: Readable) -> list[Path]:
 def file_text(path: Path) -> str:
     """Return the text of a file, as far as it can be read and shown."""
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:  # which may be a device without end
+            data = file.read(LARGEST + 1)
     except OSError as error:
         return f"(cannot be read: {error.strerror or error})"
     more = "\n(the rest is not shown)" if len(data) > LARGEST else ""

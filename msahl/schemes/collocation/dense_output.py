@@ -12,7 +12,7 @@ parameters of ``local_rotation``. The interpolated positions and velocities are 
 constraints by the least change weighted by mass, which is of the size of the interpolation error.
 Reactions follow from the accelerations, and works from the powers at Gauss nodes between the start
 of the step and the output time. Auxiliary states are integrated from the start of the step to that
-time, by one Gauss step along the interpolated motion.
+time, by one Radau step along the interpolated motion.
 """
 
 from functools import cache
@@ -43,7 +43,7 @@ from msahl.elements.signals.group import Signals, Stages, new_stages
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.collocation.tableau import lagrange
+from msahl.schemes.collocation.tableau import at_radau_nodes, radau_nodes
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
 from msahl.schemes.common.workspace import Workspace
@@ -92,8 +92,8 @@ class DenseOutput(NamedTuple):
     nodes: np.ndarray  # (l + 1, 2 l) by level, times of accelerations as fractions of the step
     value: np.ndarray  # (c,) basis polynomials at the output time, and their rates
     rate: np.ndarray  # (c,)
-    gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
-    weight: np.ndarray  # (s,)
+    gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature; of systems with states
+    weight: np.ndarray  # (s,) those of Radau
     signals: Stages  # auxiliary states at these nodes; None where the system has none
     scheme_work: int  # column of the energy that a decaying scheme takes, or -1
 
@@ -112,7 +112,12 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     most = levels(order)
     conditions = ENDS + 2 * most
     basis, nodes = _polynomials(most)
-    gauss, weight, integral = _gauss((order + 1) // 2)
+    group = workspace.system.forces.signals
+    has_states = group is not None and group.rate.size > 0
+    of_states = at_radau_nodes(order // 2 + 1)
+    gauss, weight = _gauss((order + 1) // 2)
+    if has_states:
+        gauss, weight = radau_nodes(order // 2 + 1), of_states.integral[-1].copy()
     return DenseOutput(
         workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
         begin=new_step_end(state),
@@ -125,7 +130,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         rate=np.zeros(conditions),
         gauss=gauss,
         weight=weight,
-        signals=new_stages(workspace.system.forces.signals, integral, weight),
+        signals=new_stages(group, of_states),
         scheme_work=state.work.size - 1 if decays else -1,
     )
 
@@ -163,13 +168,10 @@ def _polynomials(most: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def _gauss(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Gauss nodes (count,) and weights on [0, 1], and the integrals (count, count) from 0 to
-    the nodes of the Lagrange polynomials through them.
-    """
+def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return Gauss nodes (count,) and weights on [0, 1]."""
     x, b = legendre.leggauss(count)
-    gauss, weight = 0.5 * (x + 1.0), 0.5 * b
-    return gauss, weight, lagrange(gauss, gauss, -1)
+    return 0.5 * (x + 1.0), 0.5 * b
 
 
 def _basis(nodes: np.ndarray) -> np.ndarray:
@@ -308,7 +310,7 @@ def set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, tau
     for k in range(begin.auxiliary.size):
         workspace.state.auxiliary[k] = begin.auxiliary[k]
     states.solve(group, own.signals, output.signals, begin.auxiliary, tau * h)
-    states.accept(group, output.signals, tau * h, workspace.state.auxiliary)
+    states.accept(group, output.signals, workspace.state.auxiliary)
     if tau >= 1.0:
         for k in range(begin.auxiliary.size):
             workspace.state.auxiliary[k] = output.end.auxiliary[k]

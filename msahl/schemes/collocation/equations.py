@@ -340,7 +340,7 @@ def accept(
     frames, bodies, s = system.frames, system.bodies, stages.tableau.force_weight.size
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
-    states.accept(system.forces.signals, stages.signals, h, state.auxiliary)
+    states.accept(system.forces.signals, stages.signals, state.auxiliary)
     for node in range(stages.last_load_scale.size):
         stages.last_load_scale[node] = 0.0
     scalar.raise_term_sizes(system.scalar, stages.start.scalar, 1.0, stages.last_load_scale)

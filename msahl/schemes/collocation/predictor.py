@@ -16,6 +16,7 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel
+from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.schemes.collocation.workspace import StageArrays
@@ -30,8 +31,9 @@ def predict(
     the last one or another that went through the same time.
 
     Without one, or for a step far beyond it, accelerations and multipliers stay those of the
-    ``state``.
+    ``state``. What signals are at the start of the step is saved as well.
     """
+    forces.begin_stages(system.forces.signals, start.forces, system.scalar, stages.signals)
     tableau, Z, frames = stages.tableau, stages.Z, system.frames
     first, s = first_multiplier(frames), tableau.force_weight.size
     follows = set_weights(stages, state.time[0], h)

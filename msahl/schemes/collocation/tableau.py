@@ -36,6 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import legendre, polynomial
 
+from msahl.elements.signals.group import StateNodes
 from msahl.model.scheme import COLLOCATION
 
 
@@ -59,7 +60,6 @@ class Tableau(NamedTuple):
     chi: np.ndarray  # (s, s) chi_jk of constraint forces
     from_moments: np.ndarray  # (s, s) from the moments of a law of time to factors at c_i
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
-    force_integral: np.ndarray  # (s, s) likewise from 0 to c_j
     multiplier_time: np.ndarray  # (s,) times of the constraint forces
     last_inner: int  # index i of the last c_i before the end, -1 if there is none
     is_variational: bool  # whether rotations are balanced by variations of their parameters
@@ -100,7 +100,6 @@ def _gauss(s: int) -> Tableau:
         chi=inverse * node_weight[:s],
         from_moments=_from_moments(gauss, weight),
         integral=lagrange(gauss, lobatto[1:], -1),
-        force_integral=lagrange(gauss, gauss, -1),
         multiplier_time=lobatto[:s],
         last_inner=s - 1,
         is_variational=True,
@@ -114,11 +113,17 @@ def _gauss(s: int) -> Tableau:
     )
 
 
+def radau_nodes(s: int) -> np.ndarray:
+    """(s,) Radau's nodes on [0, 1], the last of which is 1."""
+    basis = legendre.Legendre.basis
+    nodes: np.ndarray = 0.5 * (np.sort((basis(s) - basis(s - 1)).roots().real) + 1.0)
+    nodes[-1] = 1.0
+    return nodes
+
+
 def _radau(s: int) -> Tableau:
     """Return the tableau of ``radau``: everything at Radau nodes, the last of which is the end."""
-    basis = legendre.Legendre.basis
-    nodes = 0.5 * (np.sort((basis(s) - basis(s - 1)).roots().real) + 1.0)
-    nodes[-1] = 1.0
+    nodes = radau_nodes(s)
     integral, slope = lagrange(nodes, nodes, -1), lagrange(np.append(0.0, nodes), nodes, 1)[:, 1:]
     twice, weight = -integral @ integral, integral[-1].copy()
     one, none = np.arange(s), np.full(s, -1)
@@ -134,7 +139,6 @@ def _radau(s: int) -> Tableau:
         chi=twice,
         from_moments=_from_moments(nodes, weight),
         integral=integral,
-        force_integral=integral,
         multiplier_time=nodes,
         last_inner=s - 2,
         is_variational=False,
@@ -147,6 +151,26 @@ def _radau(s: int) -> Tableau:
         node_basis=np.repeat(np.eye(s), 2, axis=0),
         node_basis_rate=np.repeat(slope, 2, axis=0),
     )
+
+
+def state_nodes(tableau: Tableau) -> StateNodes:
+    """Where auxiliary states are collocated: at Radau's nodes, which damp what is faster than the
+    step; one more than a scheme of order 2s has force nodes, so that the order is kept.
+    """
+    forces = tableau.force_time
+    s = forces.size
+    if tableau.decays:
+        return at_radau_nodes(s)
+    nodes = radau_nodes(s + 1)
+    spread, mean = lagrange(np.append(0.0, forces), nodes), lagrange(nodes, forces)
+    return StateNodes(lagrange(nodes, nodes, -1), spread, mean)
+
+
+@cache
+def at_radau_nodes(s: int) -> StateNodes:
+    """For s force nodes that are Radau's themselves."""
+    nodes, one = radau_nodes(s), np.eye(s)
+    return StateNodes(lagrange(nodes, nodes, -1), np.eye(s, s + 1, 1), one)
 
 
 def _from_moments(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:

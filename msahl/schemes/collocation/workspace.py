@@ -35,7 +35,7 @@ from msahl.elements.signals.group import Stages, new_stages
 from msahl.jit.kernel import kernel, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.collocation.tableau import Tableau
+from msahl.schemes.collocation.tableau import Tableau, state_nodes
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.unknowns import Unknowns
@@ -118,7 +118,7 @@ def new_stage_arrays(
         momentum_slopes=np.zeros((6, 3, 3)),
         momentum_loads=np.zeros((2, 3)),
         factor=forces.new_node_factors(system.forces, degree),
-        signals=new_stages(system.forces.signals, tableau.force_integral, tableau.force_weight),
+        signals=new_stages(system.forces.signals, state_nodes(tableau)),
         **entries,
         **_node_arrays(system, state),
         **_step_arrays(system, state, degree),

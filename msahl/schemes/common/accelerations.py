@@ -101,6 +101,26 @@ def solve(instant: Instant) -> None:
 
 
 @kernel
+def remove_null_multipliers(system: System, instant: Instant) -> None:
+    """Subtract from the multipliers of the ``solution`` what redundant constraints leave
+    undetermined in them; see ``midpoint.newton.remove_null_multipliers``.
+
+    That is much where the velocities satisfy the constraints but for an error of the step: then
+    dG/dt v is in part what no acceleration can give.
+    """
+    order, first = instant.unknowns.elimination.order, first_multiplier(system.frames)
+    for k in range(order.size):
+        node = order[k] // 3
+        wanted = -system.relaxation * instant.solution[node, order[k] % 3]
+        instant.y[k] = wanted if node >= first else 0.0
+    sparse_lu.solve(instant.unknowns.elimination, instant.factor, instant.y)
+    for k in range(order.size):
+        node = order[k] // 3
+        if node >= first:
+            instant.solution[node, order[k] % 3] -= instant.y[k]
+
+
+@kernel
 def set_reactions(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
     first = first_multiplier(system.frames)
@@ -122,6 +142,8 @@ def accelerate(system: System, state: State, start: SystemWorkspace, instant: In
         copy(state.reaction, instant.last)
         assemble(system, state, start, instant)
         solve(instant)
+        if system.relaxation > 0.0:
+            remove_null_multipliers(system, instant)
         set_reactions(system, state, start, instant)
         if not forces.depend_on_reactions(system.forces) or is_unchanged(
             state.reaction, instant.last

@@ -63,7 +63,10 @@ or from the last one; or they are not predicted, since the last step's motion is
 
 @kernel
 def set_loads(system: System, state: State, start: SystemWorkspace, h: float) -> bool:
-    """Set the loads to their means over a step ``h``; return whether they have first moments."""
+    """Set the loads to their means over a step ``h``, and what signals are at its start; return
+    whether loads have first moments.
+    """
+    forces.begin_signals(system.forces.signals, start.forces, system.scalar)
     return forces.over_step(system.forces, start.forces, state.time[0], h)
 
 
@@ -183,7 +186,7 @@ def accept(
     frames, t, h2 = system.frames, state.time[0], dt2(system, h)
     decay, loss, gained = system.decay, 0.0, 0.0
     forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
-    results.accept(system.forces.signals, start.forces.signals, h, state.auxiliary)
+    results.accept(system.forces.signals, start.forces.signals, state.auxiliary)
     beams.accept(system.beams, start.beams, h, state.strain, state.work)
     forces.accept(system.forces, start.forces, system.scalar)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)

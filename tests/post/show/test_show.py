@@ -294,3 +294,10 @@ def test_dark_and_on_a_phone(opened):
     assert page.locator(".view3d").is_visible()
     assert page.locator(".code").is_visible()
     wait_until(page, "getComputedStyle(document.body).backgroundColor !== 'rgb(255, 255, 255)'")
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="a device of Unix")
+def test_a_file_without_end_is_not_read_to_its_end():
+    page = show_deck(Path("/dev/zero"))
+    assert "larger than 256 MiB" in str(page.faults[0])
+    assert len(page.html) < 2**25
