@@ -11,7 +11,8 @@ The quotient is Richardson's, exact as the step size tends to zero: a companion 
 A vibration that is faster than the steps may look the same at the output times of both runs while
 its true amplitude a is missed. Its half-period is shorter than the step size h, so a < h/pi times
 the error of the velocity, which such a vibration reverses from step to step. Where that error is a
-noticeable fraction of the speeds, position errors are assumed to be no smaller. A dissipative
+noticeable fraction of the speeds, position errors are assumed to be no smaller, except in a
+subsystem whose constraints determine all its motion: that cannot vibrate. A dissipative
 scheme removes the energy E of the vibration in both runs alike, while the energy that it takes from
 resolved motions decreases by 2^-p or more at half the step:
 
@@ -91,6 +92,7 @@ class ErrorEstimate:
         self.companion, self.accuracy = companion, settings.accuracy
         self.lengths = [one.workspace.system.frames.length[:-1] for one in integrators]
         self.columns = [_reaction_kinds(one.model) for one in integrators]
+        self.is_free = [one.rank < 6 * one.size for one in integrators]
         # Mean reactions have no counterpart in a scheme of higher order.
         self.compares_reactions = (
             not isinstance(companion, HigherOrderCompanion) or settings.instantaneous
@@ -185,7 +187,7 @@ class ErrorEstimate:
         velocity = apart[:, :, 1]
         reversed_velocity = np.where(velocity > REVERSED * speeds[:, 0], velocity, 0.0)
         reversed_angular = np.where(angular > REVERSED * speeds[:, 1], angular * lengths, 0.0)
-        hidden = h[:, None] / np.pi
+        hidden = h[:, None] / np.pi if self.is_free[k] else np.zeros((m, 1))
         position = np.maximum(np.maximum(apart[:, :, 0], floor), hidden * reversed_velocity)
         angle = np.maximum(np.maximum(angle, ROUND_OFF * lengths), hidden * reversed_angular)
         return {

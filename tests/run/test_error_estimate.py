@@ -244,6 +244,14 @@ def test_a_hidden_vibration_is_estimated_by_the_error_of_its_velocity():
     assert run.report.error["velocity"] == pytest.approx(velocity.max(), abs=1e-10)
 
 
+def test_what_is_driven_in_all_directions_does_not_vibrate():
+    """The midpoint rule misses the velocities of a motion by a table, and none of its positions."""
+    run = simulate(deck("joint_motion_table"), dt=0.2)
+    assert run.report.error["velocity"] > 0.05
+    # Rounding errors of coordinates of 1 m.
+    assert run.errors[:, 1:3].max() < 1e-14
+
+
 def test_what_gauss_of_even_degree_keeps_is_estimated_by_the_displacement_of_a_step():
     """As omega h grows, gauss2 leaves position and velocity as they are, and so does its companion:
     the body would move by h v in a step, h v/pi is the amplitude of half a period in a step.
