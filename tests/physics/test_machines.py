@@ -164,11 +164,12 @@ def test_the_current_of_the_motor_is_that_of_its_circuit():
     machine = MACHINES["motor_four_bar"]
     (row,) = motor_four_bar.motion([machine.t])
     found = []
-    for h in (1e-3, 5e-4):
+    for h in (2.5e-4, 1.25e-4):
         run = simulate(deck("motor_four_bar"), dt=h, t_final=machine.t, error="off")
         column = signal_columns(run.model).index("current")
         found.append(abs(run.signals[-1, column] - row[2]))
-    assert slopes(found) == pytest.approx([2.0], abs=0.02)
+    # The states' own term, of order 3, is 1 % of the error.
+    assert slopes(found) == pytest.approx([2.0], abs=0.03)
 
 
 def test_a_payload_unknown_to_the_controller():

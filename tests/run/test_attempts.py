@@ -55,7 +55,7 @@ def test_no_further_run_is_made_where_smaller_steps_do_not_help():
 
 def test_an_accurate_companion_judges_the_next_run_too_and_survives_a_snapshot():
     rng = np.random.default_rng(1)
-    rows = [Rows(rng.normal(size=(3, 12)), rng.normal(size=(3, 6)))]
+    rows = [Rows(*(rng.normal(size=(3, n)) for n in (12, 6, 2)))]
     attempts = made(first_attempt(), 2.0 * GOAL)
     attempts.order = 8
     assert attempts.prepare_next(estimate(2.0 * GOAL, rows), 1.0)

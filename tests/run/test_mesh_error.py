@@ -72,7 +72,8 @@ def test_one_element_of_degree_one_does_not_pass():
     assert "of it by the mesh of the beams; the mesh is too coarse: try" in text
     assert "--dt" not in text
     report, _, _ = estimated(strip(3, 3, load=0.5))
-    assert report.verdict["word"] == PASS, report.verdict["reasons"]
+    # The steps do not resolve axial vibrations, of which the clamp's force consists.
+    assert report.verdict["checks"]["accuracy"]["word"] == PASS, report.verdict["reasons"]
 
 
 @pytest.mark.slow  # kernels of its own: a minute and a half to compile

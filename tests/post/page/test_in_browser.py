@@ -45,6 +45,7 @@ def test_every_check_has_a_name_for_readers():
     sources = inspect.getsource(verdict) + inspect.getsource(inverse_verdict)
     found = re.findall(r'Finding\("(\w+)"', sources)
     others = {"linearMomentum", "angularMomentum", "errorForces"}
+    others |= {f"{kind}Error" for kind in ("force", "moment", "load")}
     assert {*found, *others} == set(run_report.CHECKS)
 
 

@@ -333,7 +333,7 @@ def test_the_command_writes_a_file(pendulum, tmp_path) -> None:
     run = CliRunner().invoke(msahl_post, ["view", str(pendulum), "--graph", "Bob.x,Bob.nothing"])
     assert (run.exit_code, "no column 'Bob.nothing'" in run.output) == (2, True)
     run = CliRunner().invoke(msahl_post, ["view", str(pendulum), "-o", str(tmp_path)])
-    assert (run.exit_code, f"{tmp_path}: Is a directory" in run.output) == (2, True)
+    assert (run.exit_code, f"{tmp_path}: Is a directory" in run.output) == (4, True)
     assert not tmp_path.with_name(f"{tmp_path.name}.part").exists()
     run = CliRunner().invoke(msahl_post, ["view", str(tmp_path)])
     assert (run.exit_code, "not the folder of a run" in run.output) == (2, True)
