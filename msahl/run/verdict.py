@@ -49,7 +49,7 @@ STATE, SIGNAL, SIGNAL_FAIL = 0.01, 0.05, 0.3
 """Error relative to its largest value of an auxiliary state that warns, of a signal or the load of
 an actuator, which may be rates or differences, and of either that fails. It is one that lasts
 (``signal_errors``)."""
-REACTION = 0.5
+REACTION = 1.0
 """Error of a kind of reactions, relative to the largest of them, that warns."""
 NOISE = 1e-9
 """Reactions, relative to the energies over the bodies' length, that are zero but for noise."""
