@@ -31,6 +31,8 @@ Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 def lift(points: np.ndarray, angles: np.ndarray, radius: float | None) -> tuple[np.ndarray, str]:
     """Return the distance of the follower from the axis in the directions ``angles`` of the cam's
     frame, and why there is none ("" if there is); ``radius`` None: a flat follower."""
+    if not (np.diff(_chord(points)) > 0.0).all():
+        return angles, "two neighbouring points of the profile are one; give each once"
     u, spline = _spline(points)
     curve = _at(spline, u)
     seen, complaint = _directions(curve, radius)
@@ -88,10 +90,15 @@ def _spline(points: np.ndarray):  # type: ignore[no-untyped-def]
     # The import takes half a second, so only decks with cams do it.
     from scipy.interpolate import CubicSpline
 
-    closed = np.vstack([points, points[:1]])
-    chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    chord = _chord(points)
     fine = np.linspace(0.0, chord[-1], max(INTERVALS, 8 * len(points)) + 1)
-    return fine, CubicSpline(chord, closed, bc_type="periodic")
+    return fine, CubicSpline(chord, np.vstack([points, points[:1]]), bc_type="periodic")
+
+
+def _chord(points: np.ndarray) -> np.ndarray:
+    """Return the length of the polygon up to each of the points, and up to the first again."""
+    sides = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    return np.concatenate([[0.0], np.cumsum(sides)])
 
 
 def _at(spline, u: np.ndarray) -> Curve:  # type: ignore[no-untyped-def]

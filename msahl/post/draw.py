@@ -124,10 +124,11 @@ def _on_logarithmic_scale(
     values are zero there is no scale, and a text in the panel says so.
     """
     x, values = peaks(x, np.abs(values))
-    top = float(np.nanmax(values))
+    top = float(np.nanmax(values, initial=0.0))
     if top == 0.0:
+        text = "zero at every output time" if len(x) else "no output times"
         axes.set_yticks([0.0])
-        axes.text(0.5, 0.6, "zero at every output time", transform=axes.transAxes, ha="center")
+        axes.text(0.5, 0.6, text, transform=axes.transAxes, ha="center")
         return x, values
     floor = max(float(values[values > 0.0].min()), top * 10.0**-MOST_DECADES)
     # At least two decades: fewer may leave a logarithmic axis without a tick label.

@@ -256,6 +256,10 @@ COUPLINGS = {
     ),
     "flat with a roller": (cam(SQUARE, "flat", ROLLER.format(1)), "a flat follower has no roller"),
     "roller of no size": (cam(SQUARE, "roller", ROLLER.format(0)), "it is 0 m; it must be greater"),
+    "points at one place but for round-off": (
+        cam("1 0,0 1,-1e-20 1,-1 0,0 -1"),
+        ":22: joint 'C': two neighbouring points of the profile are one; give each once",
+    ),
     "hollow under a flat": (cam(BEAN), "a flat follower needs a convex profile"),
     "hollow under a roller": (
         cam(BEAN, "roller", ROLLER.format(2)),

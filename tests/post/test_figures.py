@@ -73,3 +73,10 @@ def test_zeros_leave_a_logarithmic_panel_at_its_edge(values):
     assert axes.get_yscale() == ("log" if values.any() else "linear")
     if values.any():
         assert axes.get_ylim()[0] == 0.5e-8  # half of eight decades below the largest
+
+
+def test_a_graph_without_output_times_says_so():
+    empty = np.zeros(0)
+    with style():
+        figure = draw_group(Group("t", (Graph("e", empty, (("a", empty),), log=True),)), "Model")
+    assert [text.get_text() for text in figure.axes[0].texts] == ["no output times"]
