@@ -102,7 +102,7 @@ def test_reactions_of_an_overconstrained_loop_are_the_least(scheme):
     assert run.report.error["largest"]["force"] == pytest.approx(30.0, abs=10.0)
 
 
-@pytest.mark.parametrize(("share", "word"), [(0.4, None), (0.6, WARN)])
+@pytest.mark.parametrize(("share", "word"), [(0.9, None), (1.1, WARN)])
 def test_an_error_of_forces_is_judged_by_the_largest(share, word):
     sizes = {"largest": {"force": 50.0}, "force": share * 50.0}
     verdict = judge(replace(GOOD, error=GOOD.error | sizes), Limits()).as_json()
