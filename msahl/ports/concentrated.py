@@ -214,13 +214,13 @@ def _add_slopes(
     k: int,
     factor: float,
     acting: tuple[Vector, Vector],
-    turns: tuple[Matrix, Matrix, Matrix],
+    tangents: tuple[Matrix, Matrix, Matrix],
     values: np.ndarray,
 ) -> None:
     """Add ``factor`` times the derivatives of force and moment of load ``k``, of which arm and
-    force are ``acting``. Arm, force and moment change with the rotations by minus ``turns``.
+    force are ``acting``. Arm, force and moment change with the rotations by minus ``tangents``.
     """
-    (r, f), (of_arm, of_force, of_moment) = acting, turns
+    (r, f), (of_arm, of_force, of_moment) = acting, tangents
     c = moment_factor(frames, factor, group.frame[k])
     places = group.moment_by_rotation
     add_block(
@@ -287,8 +287,8 @@ def mean_jacobian(
         by_force = end_tangent(frames, Z, axes_f, at(start.f, k))
         by_moment = end_tangent(frames, Z, axes_m, at(start.m, k))
         # The mean moves by half as much as the end.
-        turns = (by_arm, by_force, by_moment)
-        _add_slopes(group, frames, k, 0.5 * factor, (r, f), turns, values)
+        tangents = (by_arm, by_force, by_moment)
+        _add_slopes(group, frames, k, 0.5 * factor, (r, f), tangents, values)
 
 
 @kernel

@@ -196,11 +196,11 @@ def mean_jacobian(
         r = skew(mean(frames, Z, b, at(arm, k)))
         by_V, lever = slope_of(group, k, V), skew_product(load_of(group, k, V), T)
         by_u, by_Q = nodes(group, k)
-        by_moved = multiple(1.0 / h, by_V)
-        by_turned = multiple(-1.0, product(by_moved, T))
-        add_slope(frames, factor, values, b, by_u, by_moved, product(r, by_moved))
-        turned = combine(0.5, lever, product(r, by_turned))
-        add_slope(frames, factor, values, b, by_Q, by_turned, turned)
+        by_end = multiple(1.0 / h, by_V)
+        by_rotation = multiple(-1.0, product(by_end, T))
+        add_slope(frames, factor, values, b, by_u, by_end, product(r, by_end))
+        of_moment = combine(0.5, lever, product(r, by_rotation))
+        add_slope(frames, factor, values, b, by_Q, by_rotation, of_moment)
 
 
 @optional()
