@@ -172,7 +172,12 @@ def sampled():
     return rail("where(t < 1/7, 0, 6*(floor(3*t) + 1)/3)", 0.0), exact
 
 
-TIMED = {"spike": spike(500.0), "spikes": spikes(), "square wave": square_wave(), "sampled": sampled()}
+TIMED = {
+    "spike": spike(500.0),
+    "spikes": spikes(),
+    "square wave": square_wave(),
+    "sampled": sampled(),
+}
 
 
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2", "radau3", "auto"])
