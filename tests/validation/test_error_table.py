@@ -133,6 +133,7 @@ def test_the_page_reports_what_is_outside(tools):
             error,
             **(local | {"kind": "global", "seconds": 0.5, "position": 3e-7}),
             orientation=9e-7,
+            orientation_estimate=2e-6,
         ),
     ]
     told = dict(page.summary(cells))
