@@ -239,7 +239,7 @@ def test_runs_go_on_bit_for_bit_while_switches_are_held_or_released(monkeypatch,
     model, options = RESUMED[scene], Options(solver="newton")
     simulation = replace(model.simulation, scheme="gauss", t_final=1.5, **given)
     model = replace(model, simulation=simulation)
-    whole, rows = in_memory(model, options)
-    for steps in {4, 22} if "dt" in given else {whole.steps // 4 * 2}:
+    complete, rows = in_memory(model, options)
+    for steps in {4, 22} if "dt" in given else {complete.steps // 4 * 2}:
         (_, first), (_, rest) = in_two_parts(monkeypatch, model, options, steps)
         assert bits(first, rest) == bits(rows)
