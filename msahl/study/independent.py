@@ -5,8 +5,8 @@ differ by the factor ``COARSER``, are computed side by side: at the time from wh
 more than the accuracy asked for, the finer one, whose error is smaller by about that factor, is no
 longer trusted, and both end. Steps end where a law of time begins another piece, and where an
 expression of the time changes its formula, so that no pulse is missed; kinks and jumps of the
-motion are met by steps as short as the tolerance needs. The finer solution is kept in a cache (``reference_cache``) as the polynomials of its
-steps, which give the states at any time.
+motion are met by steps as short as the tolerance needs. The finer solution is kept in a cache
+(``reference_cache``) as the polynomials of its steps, which give the states at any time.
 """
 
 import math

@@ -177,7 +177,7 @@ def test_breakpoints_of_laws():
     "scene", ["spike", "spikes", "square wave", "sampled", "two-point control"]
 )
 def test_changes_of_expressions_are_met(scene):
-    """Times that are known end steps; jumps of the motion are met by short ones, to 1e-13 s each."""
+    """Known times end steps; jumps of the motion are met by short ones, to 1e-13 s each."""
     model, exact = {**TIMED, **SCENES}[scene]
     x = independent(model, np.linspace(0.0, 1.0, 11), 1e-6).states(np.array([1.0]))[0, 2]
     assert x == pytest.approx(exact(1.0), abs=5e-11)
