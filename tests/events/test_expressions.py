@@ -197,6 +197,17 @@ def test_times_in_expressions_are_not_jumped_over(scene, scheme):
     assert off < (1e-5 if (scene, scheme) == ("square wave", "preserving") else 1e-9)
 
 
+def test_parts_of_divided_steps_have_an_estimated_error():
+    """A spike ends within the step in which its second half began. A companion at half the step
+    divided it at the same times, so it had the same error."""
+    spike = SignalTable("spike", Law("linear", (0.0, 0.011, 0.012, 0.013, 1.0, 0, 0, 500.0, 0, 0)))
+    model = rail("spike(t)", 0.0, (spike,))
+    run = simulate(model, dt=1 / 320, t_final=0.05, scheme="radau1", solver="newton")
+    true = abs(run.states[-1, 3] - 0.5 / MASS * (0.05 - 0.012))
+    assert true > 1e-3
+    assert 0.3 < run.report.error["position"] / true < 10.0
+
+
 @pytest.mark.parametrize("scheme", ["gauss2", "radau2"])
 def test_motion_that_slides_along_a_jump_is_named(scheme):
     """Beyond x + v/5 = 0.1 the force drives the body back, and before it forth."""

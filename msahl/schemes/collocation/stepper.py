@@ -185,6 +185,7 @@ class AdaptiveStepper:
         self.requests = Requests()
         self.armed = math.inf
         self.scipy_steps = self.path_steps = self.subdivisions = 0
+        self.halves_parts = False  # no companion chooses its steps
         self.tolerance = settings.tolerance
         chunk = len(self.workspace.monitor.rows)
         control = step_control.new_step_control(method.subsystem, chunk, settings)
