@@ -82,7 +82,8 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
     if estimate:
         energy = max(record.extremes.size, record.extremes.scale)
         by_time = record.length / report.time if report.time > 0.0 else 0.0
-        scales = Scales(record.length, max(speed, by_time), energy)
+        asked = setup.attempts.goal / record.length if setup.attempts else math.inf
+        scales = Scales(record.length, max(speed, by_time), energy, asked)
         estimate.judge_signals(setup.integrators, scales)
     if settings.error == OFF:
         report.extremes |= {"localErrorMax": None, "localErrorSum": None}

@@ -251,6 +251,11 @@ class ErrorEstimate:
         """Largest error of positions and orientations [m]."""
         return max(self.largest["position"], self.largest["orientation"])
 
+    def over_tolerance(self, tolerance: float) -> float:
+        """Largest error over what a ``tolerance`` [m] allows, of positions and of signals."""
+        length = max(float(lengths.max()) for lengths in self.lengths)
+        return max(self.error / tolerance, self.signals.over_limits(tolerance / length))
+
     def horizon(self, accuracy: float) -> float:
         """Time [s] up to which the error stays within ``accuracy`` [m]; 0 if it never does, or if
         an error that appears in no row is larger.

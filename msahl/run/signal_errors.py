@@ -22,6 +22,16 @@ from msahl.system.names import signal_columns
 NOISE = 1e-9
 """Relative error of an expression's terms that may be noise: rates by differences over 1e-6 of the
 run lose six digits of sixteen."""
+STATE_NOISE = 1e-12
+"""The same of a state: its rate's terms over the run, known to the residuals of the steps. That of
+a stiff state has terms as large as its inverse time constant."""
+ZERO = 1e-4
+"""Relative error of an expression's terms, or the one asked for if that is smaller, within which a
+value that is not above ``UNKNOWN`` errors of its own is zero: the terms cancel."""
+UNKNOWN = 3.0
+STATE, SIGNAL = 0.01, 0.05
+"""Share of its largest value by which an auxiliary state, and a signal or the load of an actuator,
+may be wrong: these may be rates or differences."""
 
 
 class Scales(NamedTuple):
@@ -30,6 +40,7 @@ class Scales(NamedTuple):
     length: float  # [m]
     speed: float  # [m/s]
     energy: float  # [J]
+    asked: float  # error asked for, relative to the longest body
 
 
 class SignalErrors:
@@ -72,12 +83,20 @@ class SignalErrors:
 
     def compare_sizes(self, integrators: Sequence[SubsystemIntegrator], scales: Scales) -> None:
         """Set ``share``, the lasting errors over the size of each column; 0 where it is noise."""
-        floor = np.zeros(len(self.names))
+        terms = np.zeros(len(self.names))
         for places, integrator in zip(self.places, integrators, strict=True):
             if places and integrator.workspace.system.forces.signals is not None:
-                floor[places] = NOISE * _terms(integrator, scales)
+                terms[places] = _terms(integrator, scales)
+        cancels = (self.size <= UNKNOWN * self.lasting) & ~self.is_state
+        relative = np.where(cancels, min(ZERO, scales.asked), NOISE)
+        floor = np.where(self.is_state, STATE_NOISE, relative) * terms
         counts = (self.lasting > floor) & (self.size > 0.0)
-        self.share = np.divide(self.lasting, self.size, out=np.zeros_like(floor), where=counts)
+        self.share = np.divide(self.lasting, self.size, out=np.zeros_like(terms), where=counts)
+
+    def over_limits(self, relative: float) -> float:
+        """Largest share over its limit, which for states is ``relative`` if that is smaller."""
+        limits = np.where(self.is_state, min(STATE, relative), SIGNAL)
+        return float((self.share / limits).max(initial=0.0))
 
     def numbers(self) -> dict[str, list[Any]]:
         """All figures so far, for a snapshot."""
