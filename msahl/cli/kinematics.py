@@ -2,8 +2,6 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +11,8 @@ from msahl.cli.compiling import computing
 from msahl.cli.console import INTERRUPTED, OTHER_FOLDER, STATUS, say, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
+from msahl.cli.progress import progress_in_time
 from msahl.printable import printable, shown_path
-from msahl.terminal import SparseLines
 
 if TYPE_CHECKING:
     from msahl.results.job import Job
@@ -90,8 +88,8 @@ def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
     results = session.begin(work, job.model, job.text, about)
     times = output_times(job.model, every)
     try:
-        with results, _progress(float(times[-1]), not quiet) as progress:
-            found = follow(prepared, times, results, progress)
+        with results, progress_in_time(not quiet, float(times[-1]), "kinematics") as show:
+            found = follow(prepared, times, results, show)
             results.complete = found.complete
     except KeyboardInterrupt:
         say(f"{shown_path(job.source.path)}: interrupted; the tables are not complete")
@@ -124,18 +122,3 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool) -> None:
         lines.append(f"{report.verdict['word']}: {'; '.join(texts)} -> {shown_path(folder)}")
     for line in lines:
         say(f"{shown_path(deck)}: {printable(line)}")
-
-
-@contextmanager
-def _progress(end: float, shown: bool) -> Iterator[Callable[[float], Any]]:
-    """A progress bar of the time on a terminal, a few lines elsewhere."""
-    if not shown:
-        yield lambda t: None
-        return
-    if not sys.stderr.isatty():
-        lines = SparseLines()
-        yield lambda t: lines.show(t / end, f"kinematics: t = {t:.4g} of {end:g} s")
-        return
-    bar: Any = click.progressbar(length=1000, label="kinematics", file=sys.stderr)
-    with bar:
-        yield lambda t: bar.update(int(1000.0 * t / end) - bar.pos)
