@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
-from msahl.elements import rigid_body
+from msahl.formulations.absolute import rigid_body
 from msahl.ports import coordinate, point
 from tests.support.models import ROOT
 

@@ -48,6 +48,7 @@ from msahl.run.companion import (
     Steps,
     first_rows,
 )
+from msahl.run.error_history import GROWTH, ErrorHistory
 from msahl.run.signal_errors import Scales, SignalErrors
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.unseen_errors import unseen_motion
@@ -67,9 +68,6 @@ REVERSED = 0.02
 that the steps reverse. Errors of resolved motions are smaller, or appear in the positions."""
 ENERGY_ROUND_OFF = 1e3 * float_info.epsilon
 """Sum of the rounding errors of a run's energies, relative to the largest energy."""
-GROWTH = 1.05
-"""Factor by which the largest error must have grown to be recorded with its time."""
-
 STATE_FIGURES = ("position", "orientation", "velocity", "angularVelocity")
 REACTION_FIGURES = ("force", "moment", "load")
 FIGURES = (*STATE_FIGURES, *REACTION_FIGURES)
@@ -100,9 +98,9 @@ class ErrorEstimate:
         self.largest = dict.fromkeys(FIGURES, 0.0)
         self.sizes = dict.fromkeys(REACTION_FIGURES, 0.0)  # largest reactions so far
         self.signals = SignalErrors(model, integrators)
-        self.record: list[tuple[float, float]] = []  # time before a larger error, and that error
+        self.history = ErrorHistory()
         self.speeds = [np.zeros((2, len(one))) for one in self.lengths]  # highest so far
-        self.until, self.stopped = 0.0, False
+        self.stopped = False
         if not isinstance(companion, EarlierRun) and not settings.adaptive:
             unseen = unseen_motion(model, max(float(one.max()) for one in self.lengths))
             self.largest["position"] = SAFETY * unseen
@@ -162,7 +160,7 @@ class ErrorEstimate:
                 found[name] = np.maximum(found[name], value)
         for name in self.largest:
             self.largest[name] = max(self.largest[name], float(found[name].max()))
-        self._note(np.maximum(found["position"], found["orientation"]), times)
+        self.history.note(np.maximum(found["position"], found["orientation"]), times)
         of_signals = self.signals.compare(
             [rows.signals for rows in own],
             [rows.signals for rows in others],
@@ -209,18 +207,6 @@ class ErrorEstimate:
                 self.sizes[kind] = max(self.sizes[kind], size)
         return errors
 
-    def _note(self, errors: np.ndarray, times: np.ndarray) -> None:
-        """Record when the largest error has grown."""
-        largest = np.maximum.accumulate(errors)
-        before = np.append(self.until, times[:-1])
-        last = self.record[-1][1] if self.record else 0.0
-        while (k := int(np.searchsorted(largest, max(GROWTH * last, float_info.min)))) < len(
-            largest
-        ):
-            last = float(largest[k])
-            self.record.append((float(before[k]), last))
-        self.until = float(times[-1])
-
     def add_damped(
         self, dissipated: float, size: float, kinetic: float, displacement: float
     ) -> None:
@@ -244,8 +230,8 @@ class ErrorEstimate:
         """
         amplitude = displacement / np.pi if displacement > OSCILLATING * farthest else 0.0
         self.largest["position"] = max(self.largest["position"], amplitude, unseen)
-        if self.until > 0.0:
-            self.largest["velocity"] = max(self.largest["velocity"], unseen / self.until)
+        if self.history.until > 0.0:
+            self.largest["velocity"] = max(self.largest["velocity"], unseen / self.history.until)
 
     def judge_signals(self, integrators: Sequence[SubsystemIntegrator], scales: Scales) -> None:
         """Compare the errors of signals with their sizes, at the end of the run."""
@@ -269,18 +255,16 @@ class ErrorEstimate:
         """Time [s] up to which the error stays within ``accuracy`` [m]; 0 if it never does, or if
         an error that appears in no row is larger.
         """
-        shown = self.record[-1][1] if self.record else 0.0
-        if self.error > max(accuracy, GROWTH * shown):
+        if self.error > max(accuracy, GROWTH * self.history.largest):
             return 0.0
-        return next((time for time, error in self.record if error > accuracy), self.until)
+        return self.history.horizon(accuracy)
 
     def numbers(self) -> dict[str, Any]:
         """All figures so far, for a snapshot."""
         return {
             "largest": dict(self.largest),
-            "record": list(self.record),
+            **self.history.numbers(),
             "speeds": [speeds.tolist() for speeds in self.speeds],
-            "until": self.until,
             "stopped": self.stopped,
             "sizes": dict(self.sizes),
             "signals": self.signals.numbers(),
@@ -289,9 +273,8 @@ class ErrorEstimate:
     def restore(self, numbers: dict[str, Any]) -> None:
         """Restore what ``numbers`` returned."""
         self.largest, self.stopped = dict(numbers["largest"]), numbers["stopped"]
-        self.record = [(time, error) for time, error in numbers["record"]]
+        self.history.restore(numbers)
         self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
-        self.until = numbers["until"]
         self.sizes = dict(numbers["sizes"])
         self.signals.restore(numbers["signals"])
         self.kept = None  # the rows before are missing
@@ -312,7 +295,8 @@ class ErrorEstimate:
         accuracy = {}
         if self.accuracy is not None:
             accuracy = {"accuracy": self.accuracy, "trustHorizon": self.horizon(self.accuracy)}
-        end = {"companion": self.companion.name, "until": self.until, "complete": not self.stopped}
+        until, complete = self.history.until, not self.stopped
+        end = {"companion": self.companion.name, "until": until, "complete": complete}
         return {**shown, **accuracy, **end}
 
 

@@ -16,12 +16,10 @@ import numpy as np
 from msahl.beams.places import Place, common_places
 from msahl.model import Model, RunSettings
 from msahl.run.companion import SAFETY, Steps, advance, first_rows, with_given_steps
+from msahl.run.error_history import ErrorHistory
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.subsystems import split
-
-GROWTH = 1.05
-"""Factor by which the largest error must have grown to be recorded with its time."""
 
 
 class FinerMesh(NamedTuple):
@@ -33,7 +31,7 @@ class FinerMesh(NamedTuple):
 
 class MeshError:
     """The estimate while the run goes on: the ``largest`` error [m], and whether the run of the
-    finer mesh has ``stopped``, ``until`` when it is known [s].
+    finer mesh has ``stopped``; its ``history`` says until when it is known.
     """
 
     def __init__(
@@ -44,8 +42,8 @@ class MeshError:
         settings: RunSettings,
         chunk: int,
     ) -> None:
-        self.why, self.largest, self.until, self.stopped = finer.none, 0.0, 0.0, False
-        self.record: list[tuple[float, float]] = []  # time before a larger error, and that error
+        self.why, self.largest, self.stopped = finer.none, 0.0, False
+        self.history = ErrorHistory()
         self.integrators: list[SubsystemIntegrator] = []
         self.elements = sum(len(beam.lengths) for beam in model.beams)
         self.degree = min(beam.degree for beam in model.beams)
@@ -101,12 +99,8 @@ class MeshError:
         if not np.isfinite(errors).all():
             self.stopped = True
             return np.zeros(len(times))
-        before = [self.until, *times]
-        for k, error in enumerate(errors.tolist()):
-            if error > GROWTH * (self.record[-1][1] if self.record else 0.0):
-                self.record.append((float(before[k]), error))
+        self.history.note(errors, times)
         self.largest = max(self.largest, float(errors.max()))
-        self.until = float(times[-1])
         return errors
 
     @property
@@ -114,27 +108,22 @@ class MeshError:
         """Whether the error is known to the end of the run."""
         return bool(self.integrators) and not self.stopped
 
-    def horizon(self, accuracy: float) -> float:
-        """Time [s] up to which the error stays within ``accuracy`` [m]."""
-        return next((time for time, error in self.record if error > accuracy), self.until)
-
     def as_json(self) -> dict[str, Any]:
         """The figures by their names in ``run.json``."""
-        unknown = self.why or f"the run of a finer mesh did not converge after t = {self.until:g} s"
+        until = self.history.until
+        unknown = self.why or f"the run of a finer mesh did not converge after t = {until:g} s"
         found: dict[str, Any] = {"elements": self.elements, "degree": self.degree}
         found |= {"error": self.largest} if self.integrators else {}
         return found if self.known else {**found, "unknown": unknown}
 
     def numbers(self) -> dict[str, Any]:
         """All figures so far, for a snapshot."""
-        known = {"largest": self.largest, "until": self.until, "stopped": self.stopped}
-        return {**known, "record": list(self.record)}
+        return {"largest": self.largest, "stopped": self.stopped, **self.history.numbers()}
 
     def restore(self, numbers: dict[str, Any]) -> None:
         """Restore what ``numbers`` returned."""
-        self.largest, self.until = numbers["largest"], numbers["until"]
-        self.stopped = numbers["stopped"]
-        self.record = [(time, error) for time, error in numbers["record"]]
+        self.largest, self.stopped = numbers["largest"], numbers["stopped"]
+        self.history.restore(numbers)
 
 
 def _places(integrators: Sequence[SubsystemIntegrator]) -> dict[Place, tuple[int, int]]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from msahl.algebra.functions import Law
+from msahl.algebra.surfaces import Surface
 from msahl.algebra.vector import ZERO
 from msahl.expressions.syntax import parse
 from msahl.model import Joint, JointActuator, Options, SignalState
@@ -56,6 +57,20 @@ def piecewise(t):
     return math.sin(10.0 * rest) / 10.0 if stiff < 0.0 else -math.sin(20.0 * stiff) / 20.0
 
 
+def braked(t):
+    """Where a body of 1 m/s is that 1 N + 6 Ns/m (v - 0.5 m/s) brakes, and below 2 Ns/m v."""
+    slow = math.log(4.0) / 3.0
+    fast = min(t, slow)
+    passed = fast / 3.0 + 2.0 / 9.0 * (1.0 - math.exp(-3.0 * fast))
+    return passed + 0.5 * (1.0 - math.exp(-max(0.0, t - slow)))
+
+
+def grid(name, x, y, along_x, along_y):
+    """A bilinear table of two variables, the sum of one of each."""
+    values = tuple(tuple(a + b for b in along_y) for a in along_x)
+    return SignalTable(name, Surface("linear", x, y, values))
+
+
 SCENES = {
     "one-sided spring": (rail("200*max(0, -0.3 - Rail.slide)", -1.0), bounced),
     "by a comparison": (
@@ -75,6 +90,22 @@ SCENES = {
             (SignalTable("push", Law("linear", (-1.3, -0.3, 0.7, 200.0, 0.0, 0.0))),),
         ),
         bounced,
+    ),
+    "table of the motion and the time": (
+        rail(
+            "push(Rail.slide, t)",
+            -1.0,
+            (grid("push", (-1.3, -0.3, 0.7), (0.0, 2.0), (200.0, 0.0, 0.0), (0.0, 0.0)),),
+        ),
+        bounced,
+    ),
+    "table of the motion and its rate": (
+        rail(
+            "brake(Rail.slide, Rail.slideRate)",
+            1.0,
+            (grid("brake", (-9.0, 9.0), (0.0, 0.5, 2.0), (0.0, 0.0), (0.0, -1.0, -10.0)),),
+        ),
+        braked,
     ),
 }
 
@@ -109,6 +140,18 @@ def spike(height):
     return rail("spike(t)", 0.0, (table,)), lambda t: 1e-3 * height / MASS * (t - 0.301)
 
 
+def spikes():
+    """Of two tables, and of one over the motion as well."""
+    other = (0.0, 0.6, 0.601, 0.602, 1.0)
+    tables = (
+        SignalTable("one", Law("linear", (*SPIKE, 0.0, 0.0, 500.0, 0.0, 0.0))),
+        SignalTable("two", Law("linear", (*other, 0.0, 0.0, 500.0, 0.0, 0.0))),
+        grid("map", (-9.0, 9.0), (0.0, 0.8, 0.801, 0.802), (0.0, 0.0), (0.0, 0.0, 500.0, 0.0)),
+    )
+    model = rail("one(t) + two(t) + map(Rail.slide, t)", 0.0, tables)
+    return model, lambda t: 0.5 / MASS * (3.0 * t - 0.301 - 0.601 - 0.801)
+
+
 def square_wave(speed=0.0):
     """A state that follows a square wave of 1 Hz, and pushes."""
     signals = (SignalState("s", parse("sign(sin(2*pi*t))"), 0.0),)
@@ -129,7 +172,12 @@ def sampled():
     return rail("where(t < 1/7, 0, 6*(floor(3*t) + 1)/3)", 0.0), exact
 
 
-TIMED = {"spike": spike(500.0), "square wave": square_wave(), "sampled": sampled()}
+TIMED = {
+    "spike": spike(500.0),
+    "spikes": spikes(),
+    "square wave": square_wave(),
+    "sampled": sampled(),
+}
 
 
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2", "radau3", "auto"])

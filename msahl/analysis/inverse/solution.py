@@ -24,7 +24,7 @@ from msahl.analysis.inverse.table import LEAST_ROWS, GivenMotion, Track, spins
 from msahl.analysis.kinematics.configuration import copied, copy_to, new_equations, predict
 from msahl.analysis.linearised.point import at_start
 from msahl.elements.reactions import write_reactions
-from msahl.elements.rigid_body import write_accelerations, write_states
+from msahl.formulations.absolute.rigid_body import write_accelerations, write_states
 from msahl.jit.by_size import compiled_once
 from msahl.joints.coordinates import ORIENTATION
 from msahl.model import Model
