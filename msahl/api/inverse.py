@@ -93,7 +93,7 @@ def loads_of(
     job: Job, wanted: Wanted, progress: Callable[[float, str], Any] = lambda part, words: None
 ) -> InverseResult:
     """Return the loads of the motion of the model that a ``job`` would run; ``progress`` receives
-    the part of the rows that is done, and words. Raises ``InverseError``, ``StartError`` or
+    the part of the table that is done, and words. Raises ``InverseError``, ``StartError`` or
     ``ResultError``.
     """
     began, model = time.perf_counter(), job.model

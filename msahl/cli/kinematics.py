@@ -15,6 +15,7 @@ from msahl.cli.progress import progress_in_time
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
+    from msahl.analysis.kinematics.solution import Prepared
     from msahl.results.job import Job
     from msahl.run.report import Report
 
@@ -64,25 +65,26 @@ def kinematics(
 
     Example: msahl kinematics decks/mechanisms/stewart.xml
     """
-    from msahl.analysis.kinematics.solution import options_of
+    from msahl.analysis.kinematics.solution import options_of, prepare
     from msahl.results.lock import locked
 
     job = job_of(deck, options_of(step, t_final), settings)
     folder = output or Path("results") / f"{deck.stem}_kinematics"
-    with writing(folder, OTHER_FOLDER), computing(deck, quiet=True), locked(folder):
-        status = _carry_out(job, folder, every, quiet)
+    with writing(folder, OTHER_FOLDER), computing(deck, quiet=True):
+        prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
+        with locked(folder):
+            status = _carry_out(job, prepared, folder, every, quiet)
     sys.exit(status)
 
 
-def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
+def _carry_out(job: "Job", prepared: "Prepared", folder: Path, every: int, quiet: bool) -> int:
     """Compute the motion into the locked folder; returns the exit status."""
-    from msahl.analysis.kinematics.solution import follow, output_times, prepare
+    from msahl.analysis.kinematics.solution import follow, output_times
     from msahl.analysis.kinematics.verdict import kinematics_as_json, report_of
     from msahl.results import session
     from msahl.results.folder import claim
 
     began = time.perf_counter()
-    prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
     about = _about(job, folder, every)
     work = claim(folder, job.source.path, about)
     results = session.begin(work, job.model, job.text, about)

@@ -63,7 +63,7 @@ def test_the_folder_can_be_evaluated(folders, kind):
 
 
 def test_long_tables_have_lines_in_a_pipe(folders, monkeypatch):
-    """Of the rows of both tables, unless they are not wanted."""
+    """They count both tables, and -q prints none."""
     for name in ("FIRST", "LONGEST"):
         monkeypatch.setattr(terminal, name, 0.0)
     words = ("inverse", FOUR_BAR, "--motion", folders / "run", "--companion", folders / "run")

@@ -150,9 +150,11 @@ class Measures:
         row, body, s, axis = (
             (list(part) for part in zip(*points, strict=True)) if points else [[]] * 4
         )
-        of_points = _Points(_whole(row), _whole(body), np.reshape(s, (-1, 3)), _whole(axis))
+        of_points = _Points(
+            _integers(row), _integers(body), np.reshape(s, (-1, 3)), _integers(axis)
+        )
         row, body, axes = (list(part) for part in zip(*frames, strict=True)) if frames else [[]] * 3
-        return of_points, _Axes(_whole(row), _whole(body), np.reshape(axes, (-1, 3, 3)))
+        return of_points, _Axes(_integers(row), _integers(body), np.reshape(axes, (-1, 3, 3)))
 
     def bodies(self, state: State) -> Bodies:
         """Return the bodies in a ``state``."""
@@ -166,22 +168,25 @@ class Measures:
         values of the tracks one after the other, orientations as quaternions.
         """
         y = given[self.first]
-        turned, R = list(self.axes.row), [bodies.R[self.axes.body] @ self.axes.axes.swapaxes(1, 2)]
+        oriented, R = (
+            list(self.axes.row),
+            [bodies.R[self.axes.body] @ self.axes.axes.swapaxes(1, 2)],
+        )
         for group in self.joints:
             parent, child = (_still(bodies, each) for each in (group.parent, group.child))
             motion = relative(group.geometry, parent, child)
             present = values_and_rates(group.geometry, motion)[0]
             for row, joint, column, spatial in group.rows:
                 if spatial:
-                    turned.append(row)
+                    oriented.append(row)
                     R.append(motion.R[joint : joint + 1])
                 else:
                     y[row] -= present[joint, column]
         points = self.points
         place = bodies.x[points.body] + rotated(bodies.R[points.body], points.s)
         y[points.row] -= place[np.arange(len(place)), points.axis]
-        if turned:
-            first, three = np.array(turned)[:, None], np.arange(4)
+        if oriented:
+            first, three = np.array(oriented)[:, None], np.arange(4)
             vectors = _rotations_to(np.concatenate(R), given[self.first[first] + three])
             y[first + three[:3]] = vectors
         y[self.periodic] = np.remainder(y[self.periodic] + np.pi, 2.0 * np.pi) - np.pi
@@ -230,7 +235,7 @@ def _is_orientation(track: Track) -> bool:
     return track.coordinate == ORIENTATION
 
 
-def _whole(numbers: Sequence[int]) -> np.ndarray:
+def _integers(numbers: Sequence[int]) -> np.ndarray:
     return np.array(numbers, dtype=int)
 
 

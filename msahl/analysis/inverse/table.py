@@ -175,6 +175,8 @@ def _columns_of(track: Track) -> list[str]:
 def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
     """Return columns and numbers (m, columns) of a CSV file."""
     shown = shown_path(path)
+    if path.is_char_device():
+        raise InverseError(f"{shown}: a device, not a table; give the path of a CSV file")
     try:
         head, _, rows = path.read_text(encoding="utf-8-sig").partition("\n")
     except OSError as error:
