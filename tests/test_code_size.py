@@ -26,10 +26,10 @@ KERNELS_OF_MANY_PARAMETERS = {
     "msahl.ports.coordinate.add_derivative",
     "msahl.ports.coordinate.add_derivatives",
     "msahl.ports.coordinate.mean_jacobian",
-    "msahl.elements.frames.prepare",
+    "msahl.formulations.absolute.frames.prepare",
     "msahl.elements.reactions.sum_reactions",
-    "msahl.elements.rigid_body.jacobian",
-    "msahl.elements.rigid_body.residual",
+    "msahl.formulations.absolute.rigid_body.jacobian",
+    "msahl.formulations.absolute.rigid_body.residual",
     "msahl.post.replay._observe_rows",
     "msahl.study.dynamics._open",
 }

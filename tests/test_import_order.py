@@ -24,6 +24,7 @@ ORDER = (
     "expressions",
     "laws",
     "model",
+    "formulations",
     "elements",
     "ports",
     "joints",

@@ -7,7 +7,7 @@ Outside the grid the value is that at its nearest edge, with the derivative zero
 cell has its own polynomial, sum c_ij u^i v^j for i, j = 0..3 with u and v from the cell's corner.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -47,6 +47,14 @@ def build_surfaces(surfaces: Sequence[Surface]) -> Surfaces:
         first=np.cumsum([0, *(part.size for part in parts)]).astype(np.int64),
         numbers=np.concatenate([np.zeros(0), *parts]),
     )
+
+
+def axes_of(surfaces: Surfaces) -> Iterator[np.ndarray]:
+    """Yield the grid lines of each table: its x, and its y."""
+    for first in surfaces.first[:-1]:
+        at_x, count_x, count_y = first + 2, *surfaces.numbers[first : first + 2].astype(int)
+        yield surfaces.numbers[at_x : at_x + count_x]
+        yield surfaces.numbers[at_x + count_x : at_x + count_x + count_y]
 
 
 def _numbers(surface: Surface) -> np.ndarray:

@@ -14,7 +14,7 @@ from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.frames import Frames, mean, point_arm
+from msahl.formulations.absolute.frames import Frames, mean, point_arm
 from msahl.jit.kernel import kernel
 
 MOST_ROUNDS, STILL = 40, 1e-14

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import Laws, joined
+from msahl.algebra.functions import Law, Laws, build_laws, joined
+from msahl.algebra.surfaces import axes_of
 from msahl.elements.signals.group import REACTION, TIME, Signals
 from msahl.expressions.intervals import bounds
 from msahl.expressions.known_times import KnownTimes, dependent, known_times, operands, users
@@ -38,7 +39,7 @@ class Place(NamedTuple):
 
     place: int
     switch: int = -1
-    law: int = -1  # table of the tape whose breaks are the levels
+    law: int = -1  # table of the tape, or axis of one, whose breaks are the levels: see all_laws
 
 
 def operations_of_motion(signals: Signals) -> list[int]:
@@ -53,15 +54,15 @@ def places_in_motion(signals: Signals) -> Iterator[Place]:
     tape = signals.tape
     moving, held = (dependent(tape, of) for of in _inputs(signals)[1:])
     for i in operations_of_motion(signals):
-        op, number = tape.op[i], int(tape.c[i])
+        op, number, found = tape.op[i], int(tape.c[i]), list[Place]()
         if op == HELD:
-            place = Place(int(tape.switches.margin[number]), switch=number)
+            found = [Place(int(tape.switches.margin[number]), switch=number)]
         elif op == CURVE:
-            place = Place(int(tape.a[i]), law=number)
-        else:
-            continue
-        if moving[place.place] and not held[place.place]:
-            yield place
+            found = [Place(int(tape.a[i]), law=number)]
+        elif op == SURFACE:
+            axes = tape.laws.kind.size + 2 * number
+            found = [Place(int(tape.a[i]), law=axes), Place(int(tape.b[i]), law=axes + 1)]
+        yield from (one for one in found if moving[one.place] and not held[one.place])
 
 
 def known_to(signals: Signals | None, end: float) -> KnownTimes | None:
@@ -72,10 +73,15 @@ def known_to(signals: Signals | None, end: float) -> KnownTimes | None:
     if not times.size:
         return None
     first, moving = tape.constant.size + tape.inputs, dependent(tape, np.concatenate(others))
-    found = [i for i in operations_of_motion(signals) if not moving[first + i]]
-    if not any(tape.op[i] in (HELD, CURVE, SURFACE) for i in found):
+    operations = operations_of_motion(signals)
+    found = [i for i in operations if not moving[first + i]]
+    # A table of the time and of the motion changes at known times by one of its axes.
+    maps = [i for i in operations if tape.op[i] == SURFACE and moving[first + i]]
+    if not maps and not any(tape.op[i] in (HELD, CURVE, SURFACE) for i in found):
         return None
-    return _known(_Key(tape), tuple(found), tape.constant.size + int(times[0]), end)
+    place = tape.constant.size + int(times[0])
+    known = _known(_Key(tape), tuple(found), tuple(maps), place, end)
+    return known if known.time.size or known.switch.size else None
 
 
 def _inputs(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -102,13 +108,20 @@ class _Key:
 
 
 @lru_cache(maxsize=KEPT)
-def _known(key: _Key, operations: tuple[int, ...], time: int, end: float) -> KnownTimes:
-    return known_times(key.tape, list(operations), time, end)
+def _known(
+    key: _Key, operations: tuple[int, ...], maps: tuple[int, ...], time: int, end: float
+) -> KnownTimes:
+    return known_times(key.tape, list(operations), list(maps), time, end)
 
 
 def all_laws(signals: Signals | None, laws: Laws) -> Laws:
-    """Return the ``laws`` of a system, and after them the tables of its expressions."""
-    return laws if signals is None else joined(laws, signals.tape.laws)
+    """Return the ``laws`` of a system, after them the tables of its expressions, and after these
+    laws with the breaks of either axis of those of two variables.
+    """
+    if signals is None:
+        return laws
+    axes = [Law("linear", (*axis, *axis)) for axis in axes_of(signals.tape.surfaces)]
+    return joined(joined(laws, signals.tape.laws), build_laws(axes))
 
 
 def with_fast_inputs(

@@ -9,10 +9,12 @@ tape, each between the times that those before it have, so every interval has on
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from msahl.algebra.surfaces import axes_of
 from msahl.expressions.intervals import Bounds, bounds, piece_of
 from msahl.expressions.tape import CURVE, FIRST_BINARY, HELD, SURFACE, WHERE, Tape
 
@@ -65,21 +67,21 @@ def dependent(tape: Tape, inputs: np.ndarray) -> np.ndarray:
     return found
 
 
-def known_times(tape: Tape, operations: list[int], time: int, end: float) -> KnownTimes:
+def known_times(
+    tape: Tape, operations: list[int], maps: list[int], time: int, end: float
+) -> KnownTimes:
     """Return what changes between 0 and ``end`` [s] by ``operations`` that depend on the input at
-    the place ``time`` alone.
+    the place ``time`` alone, and by tables of two variables, ``maps``, of which one does so.
     """
-    found, switches = np.zeros(0), []
-    cells = {place: cell for i in operations for place, cell in _levels(tape, i)}
     first = tape.constant.size + tape.inputs
-    for i in operations:
-        if tape.op[i] == HELD:
-            switches.append(int(tape.c[i]))
+    timed = {time, *(first + i for i in operations)}
+    found = np.zeros(0)
+    switches = [int(tape.c[i]) for i in operations if tape.op[i] == HELD]
+    for i in sorted({*operations, *maps}):
         for place, cell in _levels(tape, i):
-            if place < first and place != time:
+            if place not in timed:
                 continue
             needed = [k for k in operations if first + k <= place]
-            cell = cells[place]
 
             def cell_of(of: Bounds) -> Bounds:
                 values = bounds(tape, needed, time, of)[place]  # noqa: B023 - called here only
@@ -105,9 +107,7 @@ def _levels(tape: Tape, i: int) -> list[tuple[int, Callable[..., Any]]]:
     if op == CURVE:
         return [(int(tape.a[i]), lambda x: piece_of(tape, number, x).number)]
     if op == SURFACE:
-        first, numbers = tape.surfaces.first[number], tape.surfaces.numbers
-        x, y = int(numbers[first]), int(numbers[first + 1])
-        axes = numbers[first + 2 :][:x], numbers[first + 2 + x :][:y]
+        axes = islice(axes_of(tape.surfaces), 2 * number, 2 * number + 2)
         return [
             (int(place), lambda values, axis=axis: np.searchsorted(axis, values, side="right"))
             for place, axis in zip((tape.a[i], tape.b[i]), axes, strict=True)

@@ -23,8 +23,8 @@ from msahl.algebra.vector import at, put, scale
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.constraints.scalar import ScalarWorkspace
-from msahl.elements.frames import Frames
 from msahl.elements.signals.group import SignalsWorkspace
+from msahl.formulations.absolute.frames import Frames
 from msahl.jit.kernel import optional
 
 

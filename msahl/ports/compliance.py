@@ -31,7 +31,7 @@ import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.algebra.rotation import to_increment
-from msahl.algebra.vector import at, put, scale
+from msahl.algebra.vector import at, put
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.coordinate_jacobians import rate_gradient
 from msahl.elements.constraints.coordinate_kinds import (
@@ -41,12 +41,13 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.coordinates import part_frame, row_factor
 from msahl.elements.constraints.products import PARTS, U_A, U_B
-from msahl.elements.frames import (
+from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
     displacement_node,
     first_multiplier,
-    rotation_node,
+    put_rotation,
+    rotation_increment,
 )
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import coordinate as spring
@@ -294,10 +295,9 @@ def set_increments(
     for j in range(group.spring.size):
         for part in (U_A, U_B):
             f = part_frame(coords, coordinate_of(group, springs, j), part)
-            u, q = displacement_node(frames, f), rotation_node(frames, f)
-            c = scale(1.0 / frames.length[f], at(Z, q))
+            u = displacement_node(frames, f)
             put(increments, u, at(Z, u))
-            put(increments, q, scale(frames.length[f], to_increment(c)))
+            put_rotation(frames, increments, f, to_increment(rotation_increment(frames, Z, f)))
 
 
 @optional()

@@ -46,23 +46,22 @@ from msahl.algebra.vector import (
     at,
     cross,
     dot,
-    multiple,
     put,
     scale,
-    skew,
     skew_product,
 )
-from msahl.elements.frames import (
+from msahl.formulations.absolute.equations import add_block, force_factor, moment_factor, push
+from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
-    add_force_by_mass,
     direction,
     displacement_node,
     end_tangent,
     mean,
     point_arm,
-    push,
+    point_velocity,
     rotation_increment,
+    tangent,
 )
 from msahl.jit.kernel import kernel
 
@@ -191,7 +190,7 @@ def add_force(
     """Add the loads by mass to the rows of their bodies."""
     for k in range(group.frame.size):
         r, f, m = at(start.r, k), at(start.f, k), at(start.m, k)
-        add_force_by_mass(frames, F, group.frame[k], f, moment(r, f, m))
+        push(frames, 1.0, F, group.frame[k], f, moment(r, f, m))
 
 
 @kernel
@@ -204,38 +203,35 @@ def add_derivatives(
         by_arm = tangent(frames, b, at(start.r, k))
         by_force = tangent(frames, group.f_axes[k], at(start.f, k))
         by_moment = tangent(frames, group.m_axes[k], at(start.m, k))
-        c, acting = -frames.inverse_mass[b], (at(start.r, k), at(start.f, k))
-        _add_blocks(group, frames, k, c, acting, (by_arm, by_force, by_moment), by_place)
+        acting = (at(start.r, k), at(start.f, k))
+        _add_slopes(group, frames, k, 1.0, acting, (by_arm, by_force, by_moment), by_place)
 
 
 @kernel
-def tangent(frames: Frames, b: int, a: Vector) -> Matrix:
-    """Return ``T`` with ``da = -T l dth`` for a vector ``a`` fixed in body ``b``."""
-    return multiple(1.0 / frames.length[b], skew(a))
-
-
-@kernel
-def _add_blocks(
+def _add_slopes(
     group: ConcentratedLoads,
     frames: Frames,
     k: int,
-    c: float,
+    factor: float,
     acting: tuple[Vector, Vector],
-    by_rotation: tuple[Matrix, Matrix, Matrix],
+    tangents: tuple[Matrix, Matrix, Matrix],
     values: np.ndarray,
 ) -> None:
-    """Add ``c`` times the derivatives of force and moment of load ``k``, of which arm and force are
-    ``acting``. Arm, force and moment change with the rotations by minus ``by_rotation``.
+    """Add ``factor`` times the derivatives of force and moment of load ``k``, of which arm and
+    force are ``acting``. Arm, force and moment change with the rotations by minus ``tangents``.
     """
-    r, f = acting
-    by_arm, by_lever = skew_product(f, by_rotation[0]), skew_product(r, by_rotation[1])
-    c_rotation = c / frames.length[group.frame[k]]
-    for i in range(3):
-        for j in range(3):
-            values[group.force_by_rotation[k] + 3 * i + j] += c * by_rotation[1][i][j]
-            values[group.moment_by_rotation[k, 0] + 3 * i + j] -= c_rotation * by_arm[i][j]
-            values[group.moment_by_rotation[k, 1] + 3 * i + j] += c_rotation * by_lever[i][j]
-            values[group.moment_by_rotation[k, 2] + 3 * i + j] += c_rotation * by_rotation[2][i][j]
+    (r, f), (of_arm, of_force, of_moment) = acting, tangents
+    c = moment_factor(frames, factor, group.frame[k])
+    places = group.moment_by_rotation
+    add_block(
+        values,
+        group.force_by_rotation[k],
+        -force_factor(frames, factor, group.frame[k]),
+        of_force,
+    )
+    add_block(values, places[k, 0], c, skew_product(f, of_arm))
+    add_block(values, places[k, 1], -c, skew_product(r, of_force))
+    add_block(values, places[k, 2], -c, of_moment)
 
 
 @kernel
@@ -250,7 +246,7 @@ def add_power(
     for k in range(group.frame.size):
         b = group.frame[k]
         W = at(motion.W, b)
-        V = add(at(motion.v, b), cross(W, at(start.r, k)))
+        V = point_velocity(motion, b, at(start.r, k))
         power = dot(at(start.f, k), V) + dot(at(start.m, k), W)
         total[group.column[k]] += power * dt
 
@@ -260,17 +256,17 @@ def mean_residual(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
     frames: Frames,
-    dt2: float,
+    factor: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Subtract the mean loads from the equations of their bodies."""
+    """Add ``factor`` times the mean loads by mass to the rows of their bodies."""
     for k in range(group.frame.size):
         b = group.frame[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
-        push(frames, dt2, F, b, f, moment(r, f, m))
+        push(frames, factor, F, b, f, moment(r, f, m))
 
 
 @kernel
@@ -278,7 +274,7 @@ def mean_jacobian(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
     frames: Frames,
-    dt2: float,
+    factor: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -290,9 +286,9 @@ def mean_jacobian(
         by_arm = end_tangent(frames, Z, b, at(start.r, k))
         by_force = end_tangent(frames, Z, axes_f, at(start.f, k))
         by_moment = end_tangent(frames, Z, axes_m, at(start.m, k))
-        # The mean moves by half as much as the end, and push subtracts dt2 F/m.
-        c = 0.5 * dt2 * frames.inverse_mass[b]
-        _add_blocks(group, frames, k, c, (r, f), (by_arm, by_force, by_moment), values)
+        # The mean moves by half as much as the end.
+        tangents = (by_arm, by_force, by_moment)
+        _add_slopes(group, frames, k, 0.5 * factor, (r, f), tangents, values)
 
 
 @kernel
@@ -328,7 +324,7 @@ def add_first(
 ) -> None:
     """Add the first moments of the loads by mass to the rows of their bodies."""
     for k in range(group.frame.size):
-        add_force_by_mass(frames, F, group.frame[k], at(start.first_f, k), at(start.first_m, k))
+        push(frames, 1.0, F, group.frame[k], at(start.first_f, k), at(start.first_m, k))
 
 
 @kernel

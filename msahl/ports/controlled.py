@@ -12,8 +12,9 @@ import numpy as np
 
 from msahl.algebra.vector import at, put, scale
 from msahl.elements.constraints.products import Q_A, U_A
-from msahl.elements.frames import Frames, FramesWorkspace, direction, mean
 from msahl.elements.signals.group import SignalsWorkspace
+from msahl.formulations.absolute.equations import force_factor, moment_factor
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace, direction, mean
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import concentrated
 from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace, moment
@@ -103,11 +104,13 @@ def mean_residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Subtract the mean loads from the equations of their bodies; ``step`` is (frames, dt2)."""
-    loads, (frames, dt2), R = group.loads, step, motion.R
+    """Add a factor times the mean loads by mass to the rows of their bodies; ``step`` is (frames,
+    factor).
+    """
+    loads, (frames, factor), R = group.loads, step, motion.R
     set_factors(group, start, signals_start)
     concentrated.prepare(loads, start.loads.factor, R, start.loads)
-    concentrated.mean_residual(loads, start.loads, frames, dt2, Z, F)
+    concentrated.mean_residual(loads, start.loads, frames, factor, Z, F)
     for k in range(loads.frame.size):
         f_axes, m_axes = loads.f_axes[k], loads.m_axes[k]
         f = mean(frames, Z, f_axes, direction(R, f_axes, at(loads.f, k)))
@@ -122,12 +125,12 @@ def mean_jacobian(
     group: ControlledLoads,
     start: ControlledWorkspace,
     frames: Frames,
-    dt2: float,
+    factor: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` by the rotation increments at constant factors."""
-    concentrated.mean_jacobian(group.loads, start.loads, frames, dt2, Z, values)
+    concentrated.mean_jacobian(group.loads, start.loads, frames, factor, Z, values)
 
 
 @optional()
@@ -158,6 +161,5 @@ def set_rows(
     if k < 0:
         return
     b = group.loads.frame[k]
-    c = factor * frames.inverse_mass[b]
-    put(row, U_A, scale(c, at(start.force, k)))
-    put(row, Q_A, scale(c / frames.length[b], at(start.moment, k)))
+    put(row, U_A, scale(force_factor(frames, factor, b), at(start.force, k)))
+    put(row, Q_A, scale(moment_factor(frames, factor, b), at(start.moment, k)))

@@ -21,7 +21,7 @@ The quotient gives the bodies exactly what the elastic energy loses. It is that 
 a law that does not give it, computed from the potential; where that would cancel, as dq is small,
 it is the mean of T by Gauss's formula, which is exact to round-off there. A decaying scheme
 subtracts chi/2 k (dq - s) in addition, where s is the smoothed change of q, as it does with the
-bodies' velocities (``elements.rigid_body``); k of a table is its steepest rise there.
+bodies' velocities (``formulations.absolute.rigid_body``); k of a table is its steepest rise there.
 
 N is extrapolated over a step from the last two steps, which is second-order accurate, and all else
 is implicit. The derivatives omit the change of N.
@@ -48,7 +48,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 from msahl.elements.constraints.coordinates import extent
 from msahl.elements.constraints.equations import SAME
 from msahl.elements.constraints.scalar import ScalarWorkspace
-from msahl.elements.frames import Frames, FramesWorkspace
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import choice, kernel
 from msahl.laws.law import no_mean_tension
 from msahl.laws.registry import COORDINATE_LAWS
@@ -281,8 +281,8 @@ def mean_jacobian(
     step: tuple[float, float],
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the mean loads over the ``step`` (h, dt2) by the unknowns."""
-    h, dt2 = step
+    """Add the derivatives of the mean loads by the unknowns; ``step`` is (h, factor)."""
+    h, factor = step
     for s in range(group.coordinate.size):
         if group.unknown[s]:
             continue
@@ -291,7 +291,7 @@ def mean_jacobian(
         _, slope = mean_tension(group, laws, s, elongation(group, start, s), dq)
         _, by_rate = resistance(group, reactions, s, dq / h)
         slope = -slope - group.damping[s] / h - group.decay[s] - by_rate / h
-        add_spring(coords, start, frames, -dt2, q, slope, values)
+        add_spring(coords, start, frames, factor, q, slope, values)
 
 
 @kernel

@@ -3,7 +3,7 @@
 Each kind is a module of this package. It states its law once, at one configuration, and beside it
 the discrete form over a step of the midpoint element. The functions here call each kind once and in
 the same order; schemes, start, study and diagnostics call nothing else. Gravity and gyroscopic
-moments are inertial and belong to ``elements.rigid_body``.
+moments are inertial and belong to ``formulations.absolute.rigid_body``.
 
     concentrated, point    act on a point of a body and write to the rows of bodies
     coordinate, compliance,  act along a coordinate; their loads are summed with the multipliers of
@@ -34,10 +34,10 @@ from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, De
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
 from msahl.elements.constraints.scalar import rates as scalar_rates
-from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.elements.signals import group as signals
 from msahl.elements.signals import inputs, results, states
 from msahl.elements.signals.group import Signals, SignalsWorkspace, Stages
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import (
     actuator,
@@ -419,10 +419,10 @@ def mean_residual(
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
     controlled.mean_residual(
-        forces.controlled, start.controlled, start.signals, start.motion, (frames, dt2), Z, F
+        forces.controlled, start.controlled, start.signals, start.motion, (frames, -dt2), Z, F
     )
-    concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
-    point.mean_residual(forces.point, start.point, frames, h, dt2, Z, F)
+    concentrated.mean_residual(forces.concentrated, start.concentrated, frames, -dt2, Z, F)
+    point.mean_residual(forces.point, start.point, frames, h, -dt2, Z, F)
     results.refuse_over_step(forces.signals, start.signals, F)
 
 
@@ -444,14 +444,14 @@ def mean_jacobian(
     if scalar is not None:
         q, group = start.place.coordinates, scalar.coordinates
         coordinate.mean_jacobian(
-            forces.along, forces.laws, group, q, start.reactions, frames, step, values
+            forces.along, forces.laws, group, q, start.reactions, frames, (h, -dt2), values
         )
         compliance.mean_jacobian(forces.compliance, forces.along, group, q, frames, step, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
-    controlled.mean_jacobian(forces.controlled, start.controlled, frames, dt2, Z, values)
+    controlled.mean_jacobian(forces.controlled, start.controlled, frames, -dt2, Z, values)
     _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
-    concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
-    point.mean_jacobian(forces.point, start.point, frames, h, dt2, Z, values)
+    concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, -dt2, Z, values)
+    point.mean_jacobian(forces.point, start.point, frames, h, -dt2, Z, values)
 
 
 @kernel

@@ -23,26 +23,27 @@ from msahl.algebra.vector import (
     Vector,
     add,
     at,
+    combine,
     cross,
     dot,
+    multiple,
     product,
     put,
     scale,
     skew,
     skew_product,
 )
-from msahl.elements.constraints.products import add_block
-from msahl.elements.frames import (
+from msahl.formulations.absolute.equations import add_slope, push
+from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
-    add_force_by_mass,
     displacement_node,
     end_tangent,
     mean,
     point_arm,
     point_velocity,
-    push,
     rotation_increment,
+    tangent,
 )
 from msahl.jit.kernel import choice, kernel, optional
 from msahl.laws.registry import POINT_LAWS
@@ -80,6 +81,15 @@ def slope_of(group: PointForces, k: int, V: Vector) -> Matrix:
     return slope(group.law[k], group.constants[k], V)
 
 
+@kernel
+def nodes(group: PointForces, k: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return where the blocks of force ``k`` start: by u, in the force and the moment equations of
+    its body, and by l Q.
+    """
+    block = group.block
+    return (block[k, 0], block[k, 2]), (block[k, 1], block[k, 3])
+
+
 @optional()
 def prepare(group: PointForces, R: np.ndarray, arm: np.ndarray) -> None:
     """Set the arms r (k, 3) in inertial axes."""
@@ -100,7 +110,7 @@ def add_force(
     """Add the forces by mass to the rows of their bodies."""
     for k in range(group.frame.size):
         f = load_of(group, k, velocity(group, arm, motion, k))
-        add_force_by_mass(frames, F, group.frame[k], f, cross(at(arm, k), f))
+        push(frames, 1.0, F, group.frame[k], f, cross(at(arm, k), f))
 
 
 @optional()
@@ -114,20 +124,15 @@ def add_derivatives(
 ) -> None:
     """Add the derivatives of the forces by mass by the places and by the rates."""
     for k in range(group.frame.size):
-        b = group.frame[k]
-        length, r = frames.length[b], skew(at(arm, k))
-        V = velocity(group, arm, motion, k)
-        by_V, f = slope_of(group, k, V), skew(load_of(group, k, V))
-        c = frames.inverse_mass[b]
-        by_W, lever = product(by_V, r), product(r, by_V)
-        add_block(by_rate, group.block[k, 0], c, by_V)
-        add_block(by_rate, group.block[k, 1], -c / length, by_W)
-        add_block(by_rate, group.block[k, 2], c / length, lever)
-        add_block(by_rate, group.block[k, 3], -c / length**2, product(r, by_W))
-        by_arm = product(by_V, skew_product(at(motion.W, b), r))
-        add_block(by_place, group.block[k, 1], -c / length, by_arm)
-        add_block(by_place, group.block[k, 3], -c / length**2, product(r, by_arm))
-        add_block(by_place, group.block[k, 3], c / length**2, product(f, r))
+        b, r = group.frame[k], skew(at(arm, k))
+        V, T = velocity(group, arm, motion, k), tangent(frames, b, at(arm, k))
+        by_V, lever = slope_of(group, k, V), skew_product(load_of(group, k, V), T)
+        by_u, by_Q = nodes(group, k)
+        by_W = multiple(-1.0, product(by_V, T))
+        add_slope(frames, 1.0, by_rate, b, by_u, by_V, product(r, by_V))
+        add_slope(frames, 1.0, by_rate, b, by_Q, by_W, product(r, by_W))
+        by_arm = product(by_V, skew_product(scale(-1.0, at(motion.W, b)), T))
+        add_slope(frames, 1.0, by_place, b, by_Q, by_arm, combine(1.0, product(r, by_arm), lever))
 
 
 @optional()
@@ -162,15 +167,15 @@ def mean_residual(
     arm: np.ndarray,
     frames: Frames,
     h: float,
-    dt2: float,
+    factor: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Subtract the mean forces from the equations of their bodies."""
+    """Add ``factor`` times the mean forces by mass to the rows of their bodies."""
     for k in range(group.frame.size):
         b = group.frame[k]
         f = load_of(group, k, scale(1.0 / h, displacement(group, arm, frames, Z, k)))
-        push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
+        push(frames, factor, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
 
 
 @optional()
@@ -179,7 +184,7 @@ def mean_jacobian(
     arm: np.ndarray,
     frames: Frames,
     h: float,
-    dt2: float,
+    factor: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -187,18 +192,15 @@ def mean_jacobian(
     for k in range(group.frame.size):
         b = group.frame[k]
         V = scale(1.0 / h, displacement(group, arm, frames, Z, k))
-        by_V = slope_of(group, k, V)
         T = end_tangent(frames, Z, b, at(arm, k))
         r = skew(mean(frames, Z, b, at(arm, k)))
-        by_Q = product(by_V, T)
-        c = dt2 * frames.inverse_mass[b]
-        c_rotation = c / frames.length[b]
-        lever = skew_product(load_of(group, k, V), T)
-        add_block(values, group.block[k, 0], -c / h, by_V)
-        add_block(values, group.block[k, 1], c / h, by_Q)
-        add_block(values, group.block[k, 2], -c_rotation / h, product(r, by_V))
-        add_block(values, group.block[k, 3], c_rotation / h, product(r, by_Q))
-        add_block(values, group.block[k, 3], -0.5 * c_rotation, lever)
+        by_V, lever = slope_of(group, k, V), skew_product(load_of(group, k, V), T)
+        by_u, by_Q = nodes(group, k)
+        by_end = multiple(1.0 / h, by_V)
+        by_rotation = multiple(-1.0, product(by_end, T))
+        add_slope(frames, factor, values, b, by_u, by_end, product(r, by_end))
+        of_moment = combine(0.5, lever, product(r, by_rotation))
+        add_slope(frames, factor, values, b, by_Q, by_rotation, of_moment)
 
 
 @optional()

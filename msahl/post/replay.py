@@ -13,8 +13,8 @@ import numpy as np
 from msahl.algebra.vector import at, put
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.frames import FramesWorkspace
-from msahl.elements.rigid_body import RigidBodies, energy, read_states
+from msahl.formulations.absolute.frames import FramesWorkspace
+from msahl.formulations.absolute.rigid_body import RigidBodies, energy, read_states
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model

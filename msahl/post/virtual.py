@@ -25,7 +25,7 @@ import numpy as np
 from msahl.algebra.rotation import compose, inverse, matrix, rotation_change, to_increment
 from msahl.algebra.vector import Vector, add, at, axpy, cross, dot, scale, sub, times
 from msahl.elements.constraints.products import rim
-from msahl.elements.rigid_body import STATE_SIZE, three
+from msahl.formulations.absolute.rigid_body import STATE_SIZE, three
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.joints.joint import Equation, Z

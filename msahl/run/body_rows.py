@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from msahl.algebra.rotation_arrays import rotations
-from msahl.elements.rigid_body import ACCELERATION_SIZE, STATE_SIZE
+from msahl.formulations.absolute.rigid_body import ACCELERATION_SIZE, STATE_SIZE
 from msahl.joints.coordinates import Motion, rotated
 from msahl.model import Model
 

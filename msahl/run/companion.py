@@ -107,6 +107,8 @@ class HalfStepCompanion:
             )
             for integrator in integrators
         ]
+        for integrator in self.integrators:
+            integrator.stepper.halves_parts = True
         self.factor = SAFETY / (1.0 - 0.5**settings.order)
 
     def follow(

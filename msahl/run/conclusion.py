@@ -125,7 +125,7 @@ def _horizon(setup: RunSetup) -> Callable[[float], float] | None:
     estimate, mesh = setup.estimate, setup.mesh
     if estimate is None or mesh is None or not mesh.known:
         return estimate.horizon if estimate else None
-    return lambda accuracy: min(estimate.horizon(accuracy), mesh.horizon(accuracy))
+    return lambda accuracy: min(estimate.horizon(accuracy), mesh.history.horizon(accuracy))
 
 
 def _rotation_between_rows(setup: RunSetup, report: Report) -> float:

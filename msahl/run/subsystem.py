@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements.rigid_body import write_accelerations
 from msahl.elements.signals.group import begin_angles
 from msahl.events.margins import Span
+from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve

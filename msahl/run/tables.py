@@ -154,7 +154,7 @@ class MemorySink:
     def write(self, tables: Mapping[str, np.ndarray]) -> None:
         """See ``Sink``."""
         for name, rows in tables.items():
-            if self.only is None or name in self.only:
+            if len(rows) and (self.only is None or name in self.only):
                 self.kept.setdefault(name, []).append(np.array(rows))
 
     def restart(self) -> None:

@@ -433,7 +433,9 @@ def _signals(figures: Figures, limits: Limits) -> Iterator[Finding]:
     }
     if not beyond:
         largest = max(column["share"] for column in columns.values())
-        text = f"errors of signals at most {largest:.1e} of their largest values"
+        text = f"lasting errors of signals at most {largest:.1e} of their largest values"
+        if largest == 0.0:
+            text = "lasting errors of signals are round-off"
         yield Finding("signals", PASS, text)
         return
     # A state before what follows from it.

@@ -7,7 +7,8 @@ needed, down to 2^-10 of it.
 
 A step in which an event divides steps is taken in parts, up to the event and on from there, so the
 next one begins where it would have begun; so is one with a time that is known to be a breakpoint.
-The compiled loop returns where it sees either.
+The compiled loop returns where it sees either. A companion takes such parts in two halves: they may
+be the same as those of the run, whose errors would not show.
 """
 
 import math
@@ -114,6 +115,7 @@ class FixedStepper:
         self.method, self.solver, self.workspace = method, solver, method.workspace
         self.requests = Requests()
         self.armed = math.inf
+        self.halves_parts = self.half_taken = False
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
@@ -142,12 +144,15 @@ class FixedStepper:
     @property
     def counters(self) -> dict[str, Any]:
         """See ``Stepper``."""
-        return {"may_compile": self.may_compile, **self.method.counters}
+        events = self.method.detection.counters if self.method.detection else {}
+        return {"may_compile": self.may_compile, **self.method.counters, "events": events}
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
         self.may_compile = counters["may_compile"]
         self.method.restore(counters)
+        if self.method.detection:
+            self.method.detection.restore(counters["events"])
 
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
@@ -217,6 +222,7 @@ class FixedStepper:
         failure, or if an event ends the run within the step, the state is as before.
         """
         before, ends, events = self._saved(), [0.0], 0
+        self.half_taken = False
         self.reset_prediction()
         while True:
             try:
@@ -251,6 +257,8 @@ class FixedStepper:
         if detection is None:
             return self._subdivide(h, 1.0, tried), None, rest
         part = rest * detection.known_part(rest * h)
+        halves = self.halves_parts and not self.half_taken and (part < rest or begun > 0.0)
+        part *= 0.5 if halves else 1.0
         detection.begin(events < MAX_PARTS)
         begin, holds = self._saved(), detection.holds
         outcome = self._solve(h, part, tried and part == 1.0, holds)
@@ -260,6 +268,7 @@ class FixedStepper:
             part = self._take_part(event, begin, h, part)
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
         if not failed:
+            self.half_taken = halves and event is None
             counts = event is not None and (event.ends_run or part < rest)
             return outcome, event if counts else None, part
         self._go_back(begin)

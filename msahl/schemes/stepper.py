@@ -30,7 +30,8 @@ A class that implements ``Stepper`` must
 10. end a step, or a part of it, at every event that divides steps, and go on from there; and
     return an ``Event`` that ends the run, after ``arm``, in ``Advance.event``, with the steps
     before the one in which it occurs. Steps of a system without margins
-    (``events.margins``) cost nothing more.
+    (``events.margins``) cost nothing more;
+11. take the parts of divided steps in two halves where ``halves_parts`` is set, as companions do.
 """
 
 import math
@@ -89,6 +90,7 @@ class Stepper(Protocol):
     scipy_steps: int
     path_steps: int
     subdivisions: int
+    halves_parts: bool
 
     @property
     def kind(self) -> str:

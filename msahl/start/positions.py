@@ -10,10 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
-from msahl.algebra.vector import at, scale
+from msahl.algebra.vector import at
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import first_multiplier, frame_count, moving_count, rotation_node
+from msahl.formulations.absolute.frames import (
+    first_multiplier,
+    frame_count,
+    moving_count,
+    rotation_increment,
+)
 from msahl.jit.by_size import by_size
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate
@@ -53,7 +58,7 @@ def assemble(system: System, state: State) -> Assembled:
         step = solve_at_rest(system, state, rows, unknowns)
         state.x[:] += step[frames.displacement]
         for b in range(frame_count(frames)):
-            Q = scale(1.0 / frames.length[b], at(step, rotation_node(frames, b)))
+            Q = rotation_increment(frames, step, b)
             state.p[b] = compose(from_increment(Q), at(state.p, b))
         violation = _largest_violation(system, state)
     if not violation <= 1e3 * CLOSED * length:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.elements.constraints import coordinates
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.start.velocities import solve_sparse
 from msahl.system import evaluate

@@ -21,8 +21,8 @@ from msahl.algebra.functions import rate_round_off
 from msahl.elements import reactions
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
 from msahl.linalg.elimination import new_factor

@@ -12,10 +12,15 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
-from msahl.elements import rigid_body
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import displacement, first_multiplier, moving_count, rotation_increment
 from msahl.elements.signals import states
+from msahl.formulations.absolute import rigid_body
+from msahl.formulations.absolute.frames import (
+    displacement,
+    first_multiplier,
+    moving_count,
+    rotation_increment,
+)
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model

@@ -17,7 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from msahl.api.running import at_start
+from msahl.api.running import at_start, finer_mesh
 from msahl.deck import DeckError, Fault, ParsedDeck, Source
 from msahl.jit.files import version_of
 from msahl.model.settings import GIVEN
@@ -261,7 +261,7 @@ def _simulate(job: Job, run: Run, key: str) -> tuple[Report, dict[str, Any], str
     measures = parse_measures(job.measures)
     memory = MemorySink(only=tables_needed(measures, run.model))
     if job.keep == SUMMARY:
-        report = loop.run(run.model, run.options, memory, checked=True)
+        report = loop.run(run.model, run.options, memory, checked=True, finer=finer_mesh(run))
     else:
         report = _run_and_keep(job, run, memory, key)
     if report.status == NOT_WRITTEN:
@@ -290,7 +290,8 @@ def _run_and_keep(job: Job, run: Run, memory: MemorySink, key: str) -> Report:
         shutil.rmtree(part, ignore_errors=True)
         disk = RunFolder(part, run.model, run.text)
         with disk:
-            report = loop.run(run.model, run.options, BothSinks(disk, memory), checked=True)
+            sink, finer = BothSinks(disk, memory), finer_mesh(run)
+            report = loop.run(run.model, run.options, sink, checked=True, finer=finer)
             disk.complete = report.status == COMPLETED
         if report.status == NOT_WRITTEN:
             return report

@@ -16,9 +16,9 @@ from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
 from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
-from msahl.elements.rigid_body import (
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace, first_multiplier
+from msahl.formulations.absolute.rigid_body import (
     ACCELERATION_SIZE,
     STATE_SIZE,
     RigidBodies,

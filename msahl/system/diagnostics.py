@@ -20,7 +20,7 @@ import numpy as np
 from msahl.algebra.vector import at, dot, sub
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.ports import forces
 from msahl.system import evaluate

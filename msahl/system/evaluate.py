@@ -7,7 +7,7 @@ The configuration is that of a ``State``: places x, rotations p, velocities v, w
     [ M  -G^T ] [ a   ]   [ forces      ]         M   mass matrix
     [ G    0  ] [ lam ] = [ -dG/dt v    ]         G   derivative of the constraints by the places
 
-divided by masses and lengths as the equations of a step are (``elements.frames``);
+divided by masses and lengths as the equations of a step are (``formulations.absolute.frames``);
 ``set_reactions`` sets the joints' reactions from the multipliers lam, ``observe`` constraint
 violations and energies. ``add_force_derivatives`` adds dQ/dq and dQ/dv in the same units;
 ``analysis.linearised`` has all of it in plain units.
@@ -17,14 +17,15 @@ import math
 
 import numpy as np
 
-from msahl.elements import reactions, rigid_body
+from msahl.elements import reactions
 from msahl.elements.beams import instant
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
-from msahl.elements.frames import moving_count
-from msahl.elements.frames import prepare as prepare_frames
 from msahl.elements.signals import inputs
+from msahl.formulations.absolute import rigid_body
+from msahl.formulations.absolute.frames import moving_count
+from msahl.formulations.absolute.frames import prepare as prepare_frames
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.ports import forces

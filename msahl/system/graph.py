@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.linalg import node_order as order
 from msahl.linalg.node_order import Graph
 from msahl.linalg.pattern import Pattern

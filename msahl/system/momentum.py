@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from msahl.elements.beams.shape import gauss_stations
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
 from msahl.laws.registry import JOINT_LAWS

@@ -14,11 +14,11 @@ from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints
-from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
-from msahl.elements.rigid_body import RigidBodies
 from msahl.elements.signals.group import Signals
 from msahl.expressions.tape import build_tape
+from msahl.formulations.absolute.frames import Frames
+from msahl.formulations.absolute.rigid_body import RigidBodies
 from msahl.laws.registry import POINT_LAWS, constants
 from msahl.model import resolve
 from msahl.model.beams import Beam

@@ -19,7 +19,7 @@ import numpy as np
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
-from msahl.elements.frames import first_multiplier, ground_of, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, ground_of, moving_count
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace, node_count
 

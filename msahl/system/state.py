@@ -8,7 +8,7 @@ from msahl.algebra.vector import add, copy, cross, times
 from msahl.elements.beams import instant
 from msahl.elements.beams.group import new_workspace
 from msahl.elements.constraints import coordinates
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import kernel
 from msahl.model import Model, SignalState, resolve

@@ -12,9 +12,9 @@ import numpy as np
 
 from msahl.elements.beams.shape import elements_of
 from msahl.elements.constraints.products import DOT, PARTS
-from msahl.elements.frames import NODES
 from msahl.elements.reactions import Shown
-from msahl.elements.rigid_body import STATE_SIZE
+from msahl.formulations.absolute.frames import NODES
+from msahl.formulations.absolute.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
 from msahl.laws.registry import COORDINATE_LAWS, POINT_LAWS

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.by_size import LARGE
 from msahl.jit.recent import Recent
 from msahl.linalg import elimination

@@ -8,7 +8,7 @@ import numpy as np
 
 from msahl.elements.beams import instant
 from msahl.elements.constraints import coordinates
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.jit.storage import Storage
 from msahl.system import evaluate

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import msahl
+from msahl.run.error_estimate import NO_ERRORS
+from msahl.run.tables import MemorySink
 from tests.support.models import ROOT
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
@@ -32,6 +34,13 @@ def test_columns_of_all_tables_are_found_by_name(result):
             assert np.array_equal(result[name], result.frame(table)[name])
     with pytest.raises(KeyError, match=r"no column 'Crank.nonsense'"):
         result["Crank.nonsense"]
+
+
+def test_rows_stay_when_the_companion_ends_before_the_run():
+    sink = MemorySink()
+    for rows in (np.zeros((1, 7)), np.ones((3, 7)), NO_ERRORS):
+        sink.write({"error": rows})
+    assert sink.table("error").shape == (4, 7)
 
 
 def test_a_table_that_the_run_lacks_is_a_fault_in_words(result):

@@ -8,7 +8,7 @@ import pytest
 from msahl.algebra.vector import ZERO
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import at_start
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.model import Bushing, Joint, JointSpring, SpringDamper
 from msahl.model.scheme import EXPONENTIAL
 from msahl.system.build import build_system

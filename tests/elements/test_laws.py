@@ -10,9 +10,9 @@ import pytest
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.deck import read
-from msahl.elements import rigid_body
 from msahl.elements.constraints import coincide
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute import rigid_body
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
 from msahl.laws.registry import POINT_LAWS
@@ -128,10 +128,12 @@ class Step:
         first = first_multiplier(self.system.frames) + self.system.coincide.a.size
         return np.concatenate([F[:first] @ A.T, F[first:]])
 
-    def pushes(self, residual, *group):
-        """Forces and moments (n, 3) that one kind of element puts on the bodies."""
+    def pushes(self, residual, step, *group):
+        """Forces and moments (n, 3) that one kind of element puts on the bodies; ``step`` is the
+        number that its residual takes.
+        """
         F = np.zeros(self.shape)
-        residual(*group, self.system.frames, self.dt2, self.Z, F)
+        residual(*group, self.system.frames, step, self.Z, F)
         return self.as_pushes(F)
 
     def all_pushes(self):
@@ -344,7 +346,7 @@ def test_joint_forces_work_on_the_violation_alone(seed, grounded):
     step = Step(jointed(rng, 5, grounded=grounded))
     step.Z = step.random(rng)
     group, start = step.system.coincide, step.start.coincide
-    work = step.work(*step.pushes(coincide.residual, group, start))
+    work = step.work(*step.pushes(coincide.residual, step.dt2, group, start))
     F = np.zeros(step.shape)
     coincide.residual(group, start, step.system.frames, step.dt2, step.Z, F)
     lam = group.mass[:, None] * step.Z[group.row] / step.dt2
@@ -359,7 +361,7 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
     step = Step(loaded(rng))
     step.Z = step.random(rng)
     group, start = step.system.forces.concentrated, step.start.forces.concentrated
-    force, moment = step.pushes(concentrated.mean_residual, group, start)
+    force, moment = step.pushes(concentrated.mean_residual, -step.dt2, group, start)
     total = np.zeros(group.frame.size)
     concentrated.mean_work(group, start, step.system.frames, step.Z, total)
     assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from msahl.algebra.rotation import matrix
-from msahl.elements import rigid_body
+from msahl.formulations.absolute import rigid_body
 from msahl.post.compare import compare
 from msahl.post.metrics import Energy, Statistics, compute_metrics
 from msahl.post.summary import energy_table, no_work_note, partial_note, work_table

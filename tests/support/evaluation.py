@@ -24,7 +24,7 @@ from msahl.analysis.linearised.plain_units import (
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.evaluate import (
     add_force_derivatives,

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+import msahl
 from msahl.deck import DeckError, read_deck
 from msahl.model import Options
 from msahl.results.read import read_run
@@ -20,6 +21,7 @@ from msahl.sweep.points import (
     point_id,
     run_points,
 )
+from tests.run.test_mesh_error import strip
 from tests.sweep.decks import DECK, QUICK
 
 L = Column("L", "cm")
@@ -41,6 +43,18 @@ def test_a_row_is_that_of_a_single_run():
     assert (row["status"], row["verdict"]) == (report.status, report.verdict["word"])
     assert row["error"] == report.error["position"]
     assert row["seconds"]["loop"] > 0.0
+
+
+@pytest.mark.parametrize("keep", ["summary", "tables"])
+def test_the_error_of_a_row_includes_that_by_the_mesh_of_beams(tmp_path, keep):
+    """One element of degree 1 bends hardly at all, however small the steps are."""
+    deck = tmp_path / "deck.xml"
+    deck.write_text(strip(1, 1, load=0.5), encoding="utf-8")
+    row = row_of(Job(str(deck), (DT,), {"t_final": 0.01}, (), keep, str(tmp_path)), "0.005")
+    (single,) = msahl.batch(msahl.load(deck), [{"simulation.deltaT": 0.005}], 1, t_final=0.01)
+    error = single.report["error"]
+    assert row["verdict"] == single.verdict
+    assert row["error"] == error["position"] >= error["mesh"]["error"] > 0.0
 
 
 def test_points_in_one_call_have_the_rows_of_points_by_themselves():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msahl.elements.frames import first_multiplier, ground_of
+from msahl.formulations.absolute.frames import first_multiplier, ground_of
 from msahl.system.build import build_system, rebuild_parameters
 from msahl.system.collect import collect
 from msahl.system.state import build_state

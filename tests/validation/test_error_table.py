@@ -1,12 +1,18 @@
 """The table of error estimates in small, and the reference solutions that it stands on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from msahl.model.settings import OFF
+from msahl.run.loop import run
+from msahl.run.tables import SIGNALS, STATES, MemorySink
 from msahl.study.dynamics import SIZE, Dynamics
 from tests.support.element_samples import ELEMENTS
 from tests.support.reference_motions import pendulum_path
 from tools.validation import error, error_models, error_page, reference
+from tools.validation.error_scenes import SCENES
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +77,26 @@ def test_estimates_of_a_few_cells(tools):
     cells = error.run_cells(short, only=("preserving", "decaying"), tolerances=())
     assert [cell.step for cell in cells[:3]] == pytest.approx([0.08, 0.02, 0.005])
     found = list(error.comparisons(cells))
-    assert len(found) == 3 * len(cells)
+    assert len(found) == 3 * len(cells)  # no signals
     assert all(c.clear and 1.0 < c.ratio < 2.0 for c in found), found
+
+
+@pytest.mark.parametrize("name", ["square-wave motor", "screw press", "switching pendulum"])
+def test_scenes_by_hand_are_those_of_the_engine(name):
+    """The first output times, by a scheme of order 10, of three ways to publish; the table itself
+    has all scenes."""
+    (case,) = (case for case in SCENES if case.name == name)
+    short = replace(case, t_final=2.0 * case.t_final / case.outputs, outputs=2)
+    truth = error.solve_truth(short)
+    model, options = error.at_steps(short, "gauss5", 1)
+    memory = MemorySink(only=(STATES, SIGNALS))
+    report = run(model, replace(options, error=OFF, solver="newton"), memory)
+    assert report.status == "completed"
+    lengths = error.build_system(model).frames.length[:-1]
+    true = error.true_errors(short, memory, truth, lengths)
+    floors = error.floors_of(truth, lengths)
+    # Ten times what the reference is known to, and what these steps leave.
+    assert all(true[name] < max(10.0 * floors[name], 1e-9) for name in true), true
 
 
 def cell_of(error, **changes):

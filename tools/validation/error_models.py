@@ -23,6 +23,9 @@ from msahl.model import (
     Simulation,
     SpringDamper,
 )
+from msahl.run.mesh_error import FinerMesh
+from tools.validation.pieces import Motion
+from tools.validation.reference import Truth
 from tools.validation.thesis_runs import ROOT
 
 EARTH = "Earth"
@@ -35,7 +38,9 @@ REFINEMENTS = (1, 4, 16)
 @dataclass(frozen=True)
 class Case:
     """A model from a builder, run for ``t_final`` [s], with ``outputs`` output times after the
-    start, which are the ends of the largest steps.
+    start, which are the ends of the largest steps. Its reference is that of ``reference`` or, if it
+    has them, equations of ``motion`` by hand, or its ``own_truth``. ``finer`` returns the model
+    with a finer mesh of its beams.
     """
 
     name: str
@@ -43,6 +48,9 @@ class Case:
     build: Callable[[], Model]
     t_final: float
     outputs: int
+    motion: Callable[[], Motion] | None = None
+    own_truth: Callable[["Case"], Truth] | None = None
+    finer: Callable[[], FinerMesh | None] = lambda: None
 
     @cached_property
     def model(self) -> Model:

@@ -17,7 +17,7 @@ from tools.validation.error import (
     comparisons,
 )
 from tools.validation.error import Cell as Run
-from tools.validation.error_models import CASES
+from tools.validation.error_cases import CASES
 from tools.validation.generated import write_generated
 from tools.validation.thesis_runs import OUT
 

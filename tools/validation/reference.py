@@ -19,7 +19,7 @@ a joint's angle are used.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -810,14 +810,20 @@ class Truth:
     the tolerance, from an initial state that is rounded differently: the difference of the two is
     larger than the error of the first, and includes the effect of rounding the initial state.
     ``opened`` and ``opened_rate`` are the initial constraint violation at position and velocity
-    level.
+    level. ``columns`` are signals by name. ``exact`` are positions (m, p, 3) of the bodies
+    ``where`` (p,), if they are known apart from the mesh of beams.
     """
 
     times: Array
     states: Array
     other: Array
-    opened: float
-    opened_rate: float
+    opened: float = 0.0
+    opened_rate: float = 0.0
+    columns: dict[str, Array] = field(default_factory=dict)
+    other_columns: dict[str, Array] = field(default_factory=dict)
+    where: Array | None = None
+    exact: Array | None = None
+    exact_other: Array | None = None
 
 
 def truth(model: Model, start: Array, times: Array) -> Truth:

@@ -29,7 +29,7 @@ from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.model import Model
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System, node_count

@@ -40,7 +40,7 @@ from msahl.analysis.linearised.point import Point, complete
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
 from msahl.analysis.modes.solution import coordinate_count, is_large
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system.arrays import State, node_count
 from msahl.system.names import describe_row

@@ -27,7 +27,7 @@ from msahl.analysis.linearised.coefficients import Work, differentiate, skews
 from msahl.analysis.linearised.plain_units import evaluation_size
 from msahl.analysis.linearised.steady import SMALL_TRAVEL
 from msahl.elements.constraints.coordinate_kinds import Derivatives
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.by_size import by_size
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, new_system_workspace, node_count

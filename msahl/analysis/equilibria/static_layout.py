@@ -19,7 +19,7 @@ from msahl.analysis.linearised.plain_units import (
     multiplier_numbers,
     scales,
 )
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.linalg.band_order import band_order
 from msahl.system.arrays import System, node_count
 

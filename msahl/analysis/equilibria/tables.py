@@ -23,7 +23,7 @@ from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
 from msahl.elements.beams import instant
 from msahl.elements.reactions import write_reactions
-from msahl.elements.rigid_body import write_states
+from msahl.formulations.absolute.rigid_body import write_states
 from msahl.model import (
     Actuator,
     Bushing,

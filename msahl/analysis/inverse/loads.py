@@ -23,9 +23,9 @@ import numpy as np
 from msahl.analysis.inverse.motion import Follower, Frame
 from msahl.analysis.linearised.coefficients import result_row
 from msahl.analysis.linearised.plain_units import equation_scale
-from msahl.elements.frames import first_multiplier
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged
 from msahl.elements.signals.group import use_reactions
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.ports import forces
 from msahl.start.redundancy import PART, non_unique_reactions
 from msahl.system import evaluate

@@ -19,7 +19,7 @@ from msahl.analysis.inverse.given import Bodies, Measures
 from msahl.analysis.kinematics.configuration import Equations, displace, jacobian, violations
 from msahl.analysis.kinematics.configuration import _by_frames as by_frames
 from msahl.analysis.linearised.reduced import null_space
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.system import evaluate
 from msahl.system.arrays import State, node_count
 

@@ -21,7 +21,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import holonomic
 from msahl.analysis.linearised.plain_units import coordinate_numbers, equation_numbers
 from msahl.elements.constraints import coordinates, scalar
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate

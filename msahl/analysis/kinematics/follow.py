@@ -27,7 +27,7 @@ from msahl.analysis.kinematics.configuration import (
     set_accelerations,
     set_velocities,
 )
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.system.arrays import State
 
 REACH = 0.1

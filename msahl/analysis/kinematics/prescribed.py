@@ -5,7 +5,7 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.kinematics.configuration import Equations, jacobian, solve, violations
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import columns, coordinates
 from msahl.model import JointMotion, Model, SignalState
 from msahl.run.joint_table import JointTable

@@ -12,7 +12,7 @@ import numpy as np
 from msahl.analysis.kinematics.configuration import Equations, copied
 from msahl.analysis.kinematics.follow import Instant
 from msahl.elements.constraints import scalar
-from msahl.elements.rigid_body import write_accelerations
+from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.model import Model
 from msahl.ports import forces
 from msahl.run.observed import ObservedTables

@@ -45,10 +45,10 @@ from msahl.elements.beams import linear as beams
 from msahl.elements.beams.group import Beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
-from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.signals import inputs
 from msahl.elements.signals.group import use_reactions
 from msahl.expressions.tape import by_input, gradient
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import unit
 from msahl.ports import forces

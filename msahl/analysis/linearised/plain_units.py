@@ -9,7 +9,7 @@ stress resultants.
 import numpy as np
 
 from msahl.elements.beams.group import COMPONENTS
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.system.arrays import System, node_count
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from msahl.analysis.linearised.projection import close
 from msahl.elements import reactions
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import moving_count
 from msahl.elements.reactions import MOST_ROUNDS
-from msahl.elements.rigid_body import read_states
 from msahl.elements.signals.group import begin_angles, use_reactions
+from msahl.formulations.absolute.frames import moving_count
+from msahl.formulations.absolute.rigid_body import read_states
 from msahl.jit.by_size import by_size
 from msahl.model import Model, Options
 from msahl.model.settings import OFF

@@ -11,7 +11,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.linearised.plain_units import evaluation_size
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate

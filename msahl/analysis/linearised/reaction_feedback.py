@@ -17,8 +17,8 @@ from msahl.analysis.linearised.coefficients import Evaluated
 from msahl.analysis.linearised.plain_units import equation_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import move, prepared
-from msahl.elements.frames import first_multiplier
 from msahl.elements.signals.group import REACTION
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
 

@@ -19,7 +19,7 @@ from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.linearised.point import Point, complete
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import solve_at_rest
 from msahl.system.arrays import State, node_count
 

@@ -31,7 +31,7 @@ from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reaction_feedback import Feedback, feedback, joints_used
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, null_space
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System
 

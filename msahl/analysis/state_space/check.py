@@ -12,7 +12,7 @@ from msahl.analysis.linearised.coefficients import Coefficients
 from msahl.analysis.linearised.point import Point, settle
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.variations import FOURTH, Variations
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.start.velocities import StartError, make_consistent
 from msahl.system.arrays import State, node_count
 

@@ -20,7 +20,7 @@ from msahl.analysis.linearised.projection import move, prepared
 from msahl.analysis.linearised.variations import Variations
 from msahl.elements import reactions
 from msahl.elements.beams import instant as beams
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
 from msahl.model import Model
 from msahl.model.loads import Actuator

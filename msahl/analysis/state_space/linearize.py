@@ -40,8 +40,8 @@ from msahl.analysis.state_space.states import (
     by_null_space,
     with_others,
 )
-from msahl.elements.frames import moving_count
 from msahl.expressions.syntax import nearest
+from msahl.formulations.absolute.frames import moving_count
 from msahl.model import SignalState
 from msahl.run.column_units import quantity
 from msahl.run.options import OptionError

@@ -27,7 +27,7 @@ from msahl.elements.beams.group import (
 )
 from msahl.elements.beams.rows import own_compliance, row_scale
 from msahl.elements.beams.strain import NONE, Point, bending, nodes_of, set_configuration, strain_at
-from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import apart, kernel, optional
 
 

@@ -15,7 +15,7 @@ from msahl.elements.beams.rows import add_equations, multipliers, row_scale
 from msahl.elements.beams.stage import add_rate_slopes
 from msahl.elements.beams.stiffness import add_stiffness, collect
 from msahl.elements.beams.strain import set_tangents
-from msahl.elements.frames import Frames, FramesWorkspace
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import optional
 
 

@@ -29,7 +29,8 @@ from msahl.elements.beams.strain import (
     set_change,
     set_tangents,
 )
-from msahl.elements.frames import Frames, first_multiplier, push
+from msahl.formulations.absolute.equations import push
+from msahl.formulations.absolute.frames import Frames, first_multiplier
 from msahl.jit.kernel import kernel, optional
 
 AT_ONCE = 1e-150
@@ -88,7 +89,7 @@ def push_loads(
     first, count = nodes_of(group, g)
     for a in range(count):
         force, moment = node_load(group, start, g, a, loads)
-        push(frames, dt2, F, group.frame[group.node[first + a]], force, moment)
+        push(frames, -dt2, F, group.frame[group.node[first + a]], force, moment)
 
 
 @kernel

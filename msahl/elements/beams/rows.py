@@ -11,7 +11,7 @@ from msahl.elements.beams.group import (
     BeamsWorkspace,
 )
 from msahl.elements.beams.strain import Point, node_gradient, node_vectors, nodes_of
-from msahl.elements.frames import Frames, first_multiplier
+from msahl.formulations.absolute.frames import Frames, first_multiplier
 from msahl.jit.kernel import kernel
 
 ALL, RIGID, ELASTIC = range(3)

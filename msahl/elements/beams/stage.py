@@ -44,13 +44,14 @@ from msahl.elements.beams.strain import (
     set_tangents,
     strain_at,
 )
-from msahl.elements.frames import (
+from msahl.formulations.absolute.equations import push
+from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
-    add_force_by_mass,
     displacement_node,
     first_multiplier,
-    rotation_node,
+    put_rotation,
+    rotation_increment,
 )
 from msahl.jit.kernel import kernel, optional
 
@@ -87,10 +88,9 @@ def accept(
     """
     for m in range(group.frame.size):
         f = group.frame[m]
-        u, q = displacement_node(frames, f), rotation_node(frames, f)
-        c = scale(1.0 / frames.length[f], at(Z, q))
+        u = displacement_node(frames, f)
         put(increments, u, at(Z, u))
-        put(increments, q, scale(frames.length[f], to_increment(c)))
+        put_rotation(frames, increments, f, to_increment(rotation_increment(frames, Z, f)))
     move(group, begin, frames, increments)
     for g in range(group.element.size):
         set_change(begin, g, changes(group, begin, g))
@@ -133,7 +133,7 @@ def _add_forces(
         first, count = nodes_of(group, g)
         for a in range(count):
             force, moment = node_load(group, node, g, a, loads)
-            add_force_by_mass(frames, F, group.frame[group.node[first + a]], force, moment)
+            push(frames, 1.0, F, group.frame[group.node[first + a]], force, moment)
 
 
 @optional()

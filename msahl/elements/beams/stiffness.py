@@ -49,8 +49,8 @@ from msahl.elements.beams.strain import (
     resultants,
     rotate_rows,
 )
-from msahl.elements.constraints.products import add_block
-from msahl.elements.frames import Frames
+from msahl.formulations.absolute.equations import add_block, force_factor, moment_factor
+from msahl.formulations.absolute.frames import Frames
 from msahl.jit.kernel import apart, kernel
 
 
@@ -76,8 +76,8 @@ def add_loads(
         f = group.frame[m]
         d, arm = node_vectors(start, m, 0.5)
         gamma, kappa = node_gradient(d, arm, means, group.value[g, a], group.slope[g, a])
-        c = sign * group.weight[g] * group.mass[g] * frames.inverse_mass[f]
-        by_q = c / frames.length[f]
+        factor = sign * group.weight[g] * group.mass[g]
+        c, by_q = force_factor(frames, factor, f), moment_factor(frames, factor, f)
         places = group.load_block[g, a]
         add_block(values, places[U_STRETCH], c * group.slope[g, a], _columns(means[0], of_n))
         add_block(values, places[Q_STRETCH], by_q, _columns(gamma, of_n))
@@ -132,7 +132,7 @@ def add_stiffness(
             own, force = matrix_at(start.load, first + a), at(start.force, first + a)
             self = multiple(share, _self_term(*node_vectors(start, m, 1.0), own, force))
             f = group.frame[m]
-            by_q = factor * frames.inverse_mass[f] / frames.length[f]
+            by_q = moment_factor(frames, factor, f)
             rotated = product(self, matrix_at(start.tangent, m))
             add_block(values, group.pair_block[e, a, a, Q_BY_Q], by_q, rotated)
 
@@ -194,8 +194,8 @@ def _add_pair(
     by_q = combine(-1.0, product(q_a, skew(arm_b)), by_q)
     by_q = combine(1.0, skew_product(arm_a, q_b), by_q)
     places = group.pair_block[e, a, b]
-    of_force = share * factor * frames.inverse_mass[f]
-    of_moment = of_force / frames.length[f]
+    of_force = force_factor(frames, share * factor, f)
+    of_moment = moment_factor(frames, share * factor, f)
     G = matrix_at(start.tangent, n)
     add_block(values, places[U_BY_Q], of_force, product(q_b, G))
     add_block(values, places[Q_BY_U], of_moment, q_a)

@@ -45,7 +45,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements.beams.group import Beams, BeamsWorkspace
-from msahl.elements.frames import Frames, displacement, rotation_increment
+from msahl.formulations.absolute.frames import Frames, displacement, rotation_increment
 from msahl.jit.kernel import apart, kernel
 
 NONE: Matrix = (ZERO, ZERO, ZERO)

@@ -22,24 +22,23 @@ from msahl.algebra.vector import (
     at,
     axpy,
     cross,
-    multiple,
     put,
     scale,
     skew,
     skew_product,
     sub,
 )
-from msahl.elements.frames import (
+from msahl.formulations.absolute.equations import moment_factor, push
+from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
-    add_force_by_mass,
     displacement,
     end_tangent,
     mean,
     point_arm,
     point_velocity,
-    push,
     rotation_increment,
+    tangent,
 )
 from msahl.jit.kernel import kernel
 
@@ -84,8 +83,8 @@ def add_force(
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         force = scale(group.mass[k], at(Z, group.row[k]))
-        add_force_by_mass(frames, F, a, scale(-1.0, force), cross(force, at(start.r_a, k)))
-        add_force_by_mass(frames, F, b, force, cross(at(start.r_b, k), force))
+        push(frames, 1.0, F, a, scale(-1.0, force), cross(force, at(start.r_a, k)))
+        push(frames, 1.0, F, b, force, cross(at(start.r_b, k), force))
 
 
 @kernel
@@ -102,9 +101,9 @@ def add_derivatives(
             r = at(start.r_a, k) if side == 0 else at(start.r_b, k)
             sign = -1.0 if side == 0 else 1.0
             arm = skew(r)
-            T = multiple(1.0 / frames.length[b], arm)
+            T = tangent(frames, b, r)
             lever = skew_product(force, T)
-            c = sign * frames.inverse_mass[b] / frames.length[b]
+            c = moment_factor(frames, sign, b)
             for i in range(3):
                 for j in range(3):
                     ij = 3 * i + j
@@ -131,8 +130,8 @@ def residual(
         r_a, r_b = at(start.r_a, k), at(start.r_b, k)
         dr_a = rotation_change(rotation_increment(frames, Z, a), r_a)
         dr_b = rotation_change(rotation_increment(frames, Z, b), r_b)
-        push(frames, dt2, F, a, scale(-1.0, force), cross(force, axpy(0.5, dr_a, r_a)))
-        push(frames, dt2, F, b, force, cross(axpy(0.5, dr_b, r_b), force))
+        push(frames, -dt2, F, a, scale(-1.0, force), cross(force, axpy(0.5, dr_a, r_a)))
+        push(frames, -dt2, F, b, force, cross(axpy(0.5, dr_b, r_b), force))
         moved = sub(add(displacement(frames, Z, b), dr_b), add(displacement(frames, Z, a), dr_a))
         put(F, group.row[k], add(at(start.violation, k), moved))
 
@@ -169,7 +168,7 @@ def jacobian(
             T = end_tangent(frames, Z, b, r0)
             arm = skew(mean(frames, Z, b, r0))
             lever = skew_product(force, T)
-            c = sign * frames.inverse_mass[b] / frames.length[b]
+            c = moment_factor(frames, sign, b)
             for i in range(3):
                 for j in range(3):
                     ij = 3 * i + j

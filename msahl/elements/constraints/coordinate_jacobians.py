@@ -18,7 +18,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
-from msahl.elements.frames import Frames, FramesWorkspace
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import apart, kernel
 
 

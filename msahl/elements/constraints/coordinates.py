@@ -21,7 +21,8 @@ from msahl.elements.constraints.coordinate_kinds import (
     weigh,
 )
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
-from msahl.elements.frames import Frames, displacement_node, rotation_node
+from msahl.formulations.absolute.equations import force_factor, moment_factor
+from msahl.formulations.absolute.frames import Frames, displacement_node, rotation_node
 from msahl.jit.kernel import apart, kernel, unit
 
 
@@ -118,8 +119,9 @@ def row_factor(group: Coordinates, frames: Frames, factor: float, q: int, part: 
     """
     first = group.first[q]
     body = group.products.a[first] if part < U_B else group.products.b[first]
-    c = factor * frames.inverse_mass[body]
-    return c if part % 2 == U_A else c / frames.length[body]
+    if part % 2 == U_A:
+        return force_factor(frames, factor, body)
+    return moment_factor(frames, factor, body)
 
 
 @kernel

@@ -24,7 +24,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
 from msahl.elements.constraints.products import PARTS
-from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import apart, kernel
 
 SAME = 1e-7

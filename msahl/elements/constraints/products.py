@@ -48,7 +48,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements.frames import (
+from msahl.formulations.absolute.equations import add_block
+from msahl.formulations.absolute.frames import (
     Frames,
     direction,
     displacement,
@@ -242,15 +243,6 @@ def rim_slope(up: Vector, e: Vector) -> Matrix:
         axpy(along[1] / s, up, (0.0, c / s, 0.0)),
         axpy(along[2] / s, up, (0.0, 0.0, c / s)),
     )
-
-
-@kernel
-def add_block(values: np.ndarray, start: int, c: float, M: Matrix) -> None:
-    """Add ``c M`` to the block at ``start``; block 0 belongs to no node."""
-    if start > 0:
-        for i in range(3):
-            for j in range(3):
-                values[start + 3 * i + j] += c * M[i][j]
 
 
 @kernel

@@ -21,7 +21,7 @@ from msahl.elements.constraints.coordinate_kinds import (
     Derivatives,
 )
 from msahl.elements.constraints.equations import ConstraintEquations
-from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import optional
 
 

@@ -23,16 +23,6 @@ from msahl.elements.constraints.coordinate_jacobians import rate_gradient
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.constraints.products import PARTS, Q_A, U_A
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.frames import (
-    Frames,
-    FramesWorkspace,
-    direction,
-    displacement,
-    end_tangent,
-    point_arm,
-    point_velocity,
-    rotation_increment,
-)
 from msahl.elements.signals.group import (
     COORDINATE,
     POSITION,
@@ -45,6 +35,16 @@ from msahl.elements.signals.group import (
     SignalsWorkspace,
 )
 from msahl.expressions.tape import set_input
+from msahl.formulations.absolute.frames import (
+    Frames,
+    FramesWorkspace,
+    direction,
+    displacement,
+    end_tangent,
+    point_arm,
+    point_velocity,
+    rotation_increment,
+)
 from msahl.jit.kernel import kernel, optional
 
 

@@ -37,12 +37,18 @@ from msahl.algebra.vector import (
 )
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import Signals, Stages, new_stages
+from msahl.formulations.absolute import local_rotation
+from msahl.formulations.absolute.frames import (
+    displacement_node,
+    first_multiplier,
+    moving_count,
+    rotation_increment,
+    rotation_node,
+)
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.ports import forces
-from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import at_radau_nodes, radau_nodes
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
@@ -380,7 +386,7 @@ def save_accelerations(output: DenseOutput, instant: Instant, h: float, m: int) 
         a = at(instant.solution, displacement_node(frames, b))
         if frames.ballistic[b]:
             a = (gravity[0], gravity[1], gravity[2])
-        alpha = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+        alpha = rotation_increment(frames, instant.solution, b)
         # Derivative of W = H c_dot by time.
         c = compose(at(state.p, b), inverse(at(begin.p, b)))
         c_dot = local_rotation.parameter_rate(c, at(start.frames.W, b))
@@ -456,6 +462,6 @@ def _project(output: DenseOutput, instant: Instant) -> None:
     beams.in_metres(system.beams, monitor.violation, monitor.rate)
     accelerations.solve_projection(system, state, start, monitor.violation, instant)
     for b in range(moving_count(frames)):
-        Q = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+        Q = rotation_increment(frames, instant.solution, b)
         put(state.x, b, add(at(state.x, b), at(instant.solution, displacement_node(frames, b))))
         put(state.p, b, compose(from_increment(Q), at(state.p, b)))

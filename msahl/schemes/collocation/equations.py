@@ -55,20 +55,22 @@ from msahl.algebra.vector import (
 from msahl.elements.beams import instant
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
-from msahl.elements.frames import (
+from msahl.elements.signals import states
+from msahl.elements.signals.group import Signals
+from msahl.formulations.absolute import local_rotation
+from msahl.formulations.absolute.frames import (
     Frames,
     displacement,
     displacement_node,
     first_multiplier,
     frame_count,
     moving_count,
+    rotation_increment,
     rotation_node,
 )
-from msahl.elements.signals import states
-from msahl.elements.signals.group import Signals
 from msahl.jit.kernel import kernel, optional, unit
 from msahl.ports import forces
-from msahl.schemes.collocation import jacobian, local_rotation
+from msahl.schemes.collocation import jacobian
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.common.criteria import step_length
 from msahl.system.arrays import State, System, SystemWorkspace
@@ -323,7 +325,7 @@ def _set_base_change(frames: Frames, stages: StageArrays, h: float, i: int, b: i
     change = outer(1.0, c, c, skew(ZERO))
     rate = outer(h, c, c_dot, outer(h, c_dot, c, skew(ZERO)))
     for k in range(tableau.force_weight.size):
-        c_k = scale(1.0 / frames.length[b], at(stages.Z[k], rotation_node(frames, b)))
+        c_k = rotation_increment(frames, stages.Z[k], b)
         change = outer(-tableau.basis[i, k], c_k, c_k, change)
         rate = outer(-tableau.basis_rate[i, k], c_k, c_k, rate)
     put_matrix(stages.base_change, b, local_rotation.square(change))

@@ -27,13 +27,14 @@ from msahl.algebra.vector import (
 )
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
-from msahl.elements.constraints.products import PARTS, Q_A, add_block
-from msahl.elements.frames import first_multiplier, rotation_node
+from msahl.elements.constraints.products import PARTS, Q_A
 from msahl.elements.signals import inputs, results, states
 from msahl.elements.signals.group import Signals
+from msahl.formulations.absolute import local_rotation
+from msahl.formulations.absolute.equations import add_block
+from msahl.formulations.absolute.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.ports import forces
-from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import (
     BODY,
     FORCE,

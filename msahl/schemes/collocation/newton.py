@@ -15,9 +15,9 @@ import numpy as np
 from msahl.algebra.vector import copy
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
-from msahl.elements.frames import first_multiplier
 from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import use_reactions
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
 from msahl.linalg.elimination import Elimination, new_factor

@@ -8,7 +8,8 @@ present one, multipliers by those of the earlier step; positions and rotations f
 import math
 
 from msahl.algebra.vector import ZERO, at, axpy, dot, put, scale
-from msahl.elements.frames import (
+from msahl.formulations.absolute import local_rotation
+from msahl.formulations.absolute.frames import (
     displacement_node,
     first_multiplier,
     moving_count,
@@ -17,7 +18,6 @@ from msahl.elements.frames import (
 )
 from msahl.jit.kernel import kernel
 from msahl.ports import forces
-from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.system.arrays import State, System, SystemWorkspace

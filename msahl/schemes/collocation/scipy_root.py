@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from msahl.elements.constraints.scalar import clear_rate_violations
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.compiled import Call, compiled
 from msahl.schemes.collocation import newton, predictor
 from msahl.schemes.collocation.newton import CollocationWorkspace

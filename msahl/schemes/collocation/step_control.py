@@ -46,9 +46,9 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
-from msahl.elements.frames import moving_count
 from msahl.events import margins
 from msahl.events.margins import END as END_OF_RUN
+from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import forces
 from msahl.schemes import step_events

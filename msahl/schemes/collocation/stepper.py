@@ -185,6 +185,7 @@ class AdaptiveStepper:
         self.requests = Requests()
         self.armed = math.inf
         self.scipy_steps = self.path_steps = self.subdivisions = 0
+        self.halves_parts = False  # no companion chooses its steps
         self.tolerance = settings.tolerance
         chunk = len(self.workspace.monitor.rows)
         control = step_control.new_step_control(method.subsystem, chunk, settings)
@@ -216,6 +217,7 @@ class AdaptiveStepper:
             "chosen": self.chosen,
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
+            "events": self.method.detection.counters if self.method.detection else {},
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
@@ -224,6 +226,8 @@ class AdaptiveStepper:
         self.chosen = counters["chosen"]
         self.review, self.pause = counters["review"]
         self.control.counts[:] = counters["pairs"]
+        if self.method.detection:
+            self.method.detection.restore(counters["events"])
 
     def reset_prediction(self) -> None:
         """See ``Stepper``."""

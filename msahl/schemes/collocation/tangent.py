@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu
 from msahl.schemes.collocation import dense_output, equations, newton, predictor

@@ -21,20 +21,21 @@ from msahl.algebra.vector import (
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
-from msahl.elements.frames import (
+from msahl.elements.signals import inputs
+from msahl.elements.signals.group import Stages, new_stages
+from msahl.formulations.absolute import local_rotation
+from msahl.formulations.absolute.frames import (
     Frames,
     displacement,
     displacement_node,
     first_multiplier,
     frame_count,
     moving_count,
+    put_rotation,
     rotation_node,
 )
-from msahl.elements.signals import inputs
-from msahl.elements.signals.group import Stages, new_stages
 from msahl.jit.kernel import kernel, unit
 from msahl.ports import forces
-from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau, state_nodes
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
@@ -224,7 +225,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
         if bare:
             continue
         put(stages.increments, displacement_node(frames, b), u)
-        put(stages.increments, rotation_node(frames, b), scale(frames.length[b], to_increment(c)))
+        put_rotation(frames, stages.increments, b, to_increment(c))
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:

@@ -21,9 +21,15 @@ import numpy as np
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
-from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
-from msahl.elements.rigid_body import write_accelerations
+from msahl.formulations.absolute.frames import (
+    displacement_node,
+    first_multiplier,
+    moving_count,
+    rotation_increment,
+    rotation_node,
+)
+from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.linalg.elimination import new_factor
@@ -192,7 +198,7 @@ def project_velocities(
         solve_projection(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
             R = matrix_at(start.frames.R, b)
-            dW = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+            dW = rotation_increment(frames, instant.solution, b)
             put(state.v, b, add(at(state.v, b), at(instant.solution, displacement_node(frames, b))))
             put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
         scalar.motion_work(system.scalar, frames, state.time[0], 1.0, instant.solution, state.work)

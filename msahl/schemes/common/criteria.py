@@ -3,7 +3,7 @@
 import numpy as np
 
 from msahl.algebra.vector import at
-from msahl.elements.frames import moving_count
+from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.kernel import kernel
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.evaluate import dt2

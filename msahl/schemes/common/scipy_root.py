@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.schemes.common import hybrid_method
 from msahl.schemes.common.criteria import is_implausible
 from msahl.schemes.common.workspace import Workspace

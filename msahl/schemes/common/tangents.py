@@ -30,7 +30,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import Vector, dot, scale
-from msahl.elements.frames import Frames, moving_count
+from msahl.formulations.absolute.frames import Frames, moving_count
 from msahl.jit.kernel import kernel
 
 SHARE = 3e-4

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import reactions, rigid_body
+from msahl.elements import reactions
 from msahl.elements.beams import instant
+from msahl.formulations.absolute import rigid_body
 from msahl.jit.kernel import apart
 from msahl.linalg.elimination import new_factor
 from msahl.ports import forces

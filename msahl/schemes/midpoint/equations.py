@@ -2,7 +2,7 @@
 
     x1 - x0 = h (v0 + v1)/2                    (a)   eliminates v1 = 2 u/h - v0
     Q       = h (W0 + W1)/2  in body axes      (b)   eliminates w1 = 2 R0^T Q/h - w0
-    momentum balances of every body            (c), (d)   ``elements.rigid_body``
+    momentum balances of every body            (c), (d)   ``formulations.absolute.rigid_body``
     constraints at the end of the step         (e)        ``elements.constraints``
 
     x, v       position and velocity of the mass centre, inertial axes [m], [m/s]
@@ -15,7 +15,7 @@ lam h^2/(2 m), with the length l and the mass m of a frame. Equations are length
 Jacobian tends to a limit as h -> 0, and a residual is judged relative to the motion of the step.
 Forces are discrete gradients: a conservative system conserves its energy to the residual, for any
 h. In the decaying scheme (``Decay``), (a), (b) and the springs take energy from vibrations that are
-fast relative to the step (``elements.rigid_body``, ``ports.coordinate``), dt2 is more than
+fast relative to the step (``absolute.rigid_body``, ``ports.coordinate``), dt2 is more than
 h^2/2, and the energy taken is the last of the state's works.
 
 Source: Hainge 2010, chapter II; M. Borri, F. Mello, S. N. Atluri 1991; C. L. Bottasso, D. Dopico,
@@ -39,18 +39,19 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import rigid_body
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, scalar
-from msahl.elements.frames import (
+from msahl.elements.signals import results
+from msahl.formulations.absolute import rigid_body
+from msahl.formulations.absolute.frames import (
     displacement_node,
     first_multiplier,
     moving_count,
+    put_rotation,
     restrict,
     rotation_increment,
     rotation_node,
 )
-from msahl.elements.signals import results
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
@@ -91,7 +92,7 @@ def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: n
         alpha = add(at(state.alpha, b), expected_change(state, state.alpha_trend, b))
         Q = axpy(h, W, scale(h2, alpha))
         Q = of_angle(Q) if frames.exponential else Q
-        put(Z, rotation_node(frames, b), scale(frames.length[b], restrict(frames, 1, Q)))
+        put_rotation(frames, Z, b, restrict(frames, 1, Q))
     first = first_multiplier(frames)
     for k in range(state.force.shape[0]):
         guess = add(at(state.force, k), expected_change(state, state.force_trend, k))

@@ -4,7 +4,12 @@ The law is in ``ports.concentrated``.
 """
 
 from msahl.algebra.vector import ZERO, at, put, scale
-from msahl.elements.frames import displacement_node, moving_count, offset, rotation_node
+from msahl.formulations.absolute.frames import (
+    displacement_node,
+    moving_count,
+    offset,
+    rotation_node,
+)
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.ports import forces

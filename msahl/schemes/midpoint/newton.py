@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.common import accelerations

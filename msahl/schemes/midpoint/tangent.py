@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.common import accelerations

@@ -11,10 +11,11 @@ from click.testing import CliRunner
 from msahl.algebra.rotation import matrix
 from msahl.cli.main import main
 from msahl.deck import read_deck
+from msahl.formulations.absolute import local_rotation
 from msahl.linalg import block_lu
 from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.collocation import local_rotation, predictor
+from msahl.schemes.collocation import predictor
 from msahl.schemes.collocation.tableau import new_tableau
 from msahl.study.runs import with_step
 from tests.support.closed_forms import recognise

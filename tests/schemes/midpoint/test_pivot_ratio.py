@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msahl.elements.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.linalg import sparse_lu
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import newton

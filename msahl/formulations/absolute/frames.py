@@ -13,9 +13,9 @@ three components each, and two equations of three components each:
 The node map says where they stand: node k holds the unknowns and equations 3 k, 3 k + 1, 3 k + 2.
 The nodes of the frames come first, those of the multipliers after them.
 
-Force equations are multiplied by dt2/m and moment equations by dt2/(m l), with dt2 = h^2/2 (see
-``schemes``), so unknowns and equations are lengths [m]. The ground has 1/m = 0: what acts on it has
-no effect on its equations, so no element asks whether a frame is the ground.
+Force equations are divided by m and moment equations by m l (``equations``). The ground has
+1/m = 0: what acts on it has no effect on its equations, so no element asks whether a frame is the
+ground.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,6 @@ from msahl.algebra.vector import (
     ZERO,
     Matrix,
     Vector,
-    accumulate,
     add,
     at,
     axpy,
@@ -37,6 +36,7 @@ from msahl.algebra.vector import (
     put,
     put_matrix,
     scale,
+    skew,
     skew_product,
     sub,
     times,
@@ -125,6 +125,12 @@ def rotation_increment(frames: Frames, Z: np.ndarray, f: int) -> Vector:
 
 
 @kernel
+def put_rotation(frames: Frames, Z: np.ndarray, f: int, Q: Vector) -> None:
+    """Set the unknowns l Q of frame ``f`` in ``Z`` to those of the rotation ``Q``."""
+    put(Z, rotation_node(frames, f), scale(frames.length[f], Q))
+
+
+@kernel
 def point_arm(R: np.ndarray, f: int, s: Vector) -> Vector:
     """Vector from the origin of frame ``f`` to its point ``s`` (axes of the frame), inertial axes
     [m]; ``R`` (f, 3, 3) are the frames' orientations.
@@ -163,32 +169,18 @@ def mean(frames: Frames, Z: np.ndarray, f: int, a: Vector) -> Vector:
 
 
 @kernel
+def tangent(frames: Frames, f: int, a: Vector) -> Matrix:
+    """Matrix T with da = -T d(l theta), of a vector ``a`` fixed in frame ``f``."""
+    return multiple(1.0 / frames.length[f], skew(a))
+
+
+@kernel
 def end_tangent(frames: Frames, Z: np.ndarray, f: int, a: Vector) -> Matrix:
     """Matrix T with d(R(Q) a) = -T d(l Q)."""
     Q = rotation_increment(frames, Z, f)
     T = skew_product(add(a, rotation_change(Q, a)), rotation_tangent(Q))
     c = 1.0 / frames.length[f]
     return multiple(c, T)
-
-
-@kernel
-def push(frames: Frames, dt2: float, F: np.ndarray, f: int, force: Vector, moment: Vector) -> None:
-    """Subtract a mean ``force`` [N] and a mean ``moment`` about the origin [N m] from the equations
-    of frame ``f``.
-    """
-    c = dt2 * frames.inverse_mass[f]
-    accumulate(F, displacement_node(frames, f), scale(-c, force))
-    accumulate(F, rotation_node(frames, f), scale(-c / frames.length[f], moment))
-
-
-@kernel
-def add_force_by_mass(frames: Frames, F: np.ndarray, f: int, force: Vector, moment: Vector) -> None:
-    """Add a ``force`` [N] and a ``moment`` about the origin [N m], divided by mass and length, to
-    the equations of frame ``f`` [m/s^2].
-    """
-    c = frames.inverse_mass[f]
-    accumulate(F, displacement_node(frames, f), scale(c, force))
-    accumulate(F, rotation_node(frames, f), scale(c / frames.length[f], moment))
 
 
 @kernel

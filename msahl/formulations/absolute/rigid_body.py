@@ -53,7 +53,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements.frames import (
+from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
     displacement,

@@ -1,0 +1,17 @@
+"""Formulations of the equations of motion: what coordinates, forces and constraints mean in them.
+
+A formulation owes the rest of the program, and nothing else may know it:
+
+1. Unknowns: where those of a frame, and of a constraint, stand, and in which scale; so that every
+   unknown and every equation is a length [m] whatever the model.
+2. Kinematics: position and orientation of every frame, velocity and angular velocity; the arm,
+   direction and velocity of a point fixed in one; the same over a step.
+3. Push: a force and a moment about a frame's origin, in inertial axes and SI units, enter its
+   equations.
+4. Slope: the derivatives of that force and moment by the motion of a frame enter the Jacobian.
+5. Retract: an increment of the unknowns moves the configuration on its manifold.
+6. Inertia: the balance of momentum of a body, with its derivatives, its energy and its free
+   acceleration.
+
+Laws of forces (``msahl.laws``) know none of these. Ports (``msahl.ports``) use 2 to 4.
+"""

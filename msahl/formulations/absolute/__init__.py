@@ -1,0 +1,1 @@
+"""Absolute coordinates: position and orientation of every frame, a multiplier per constraint."""
