@@ -19,10 +19,15 @@ def angles(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def rotations(p: np.ndarray) -> np.ndarray:
     """(..., 3, 3) body to inertial axes."""
-    e = quaternions(p)
-    e0, v = e[..., 0], e[..., 1:]
-    K = np.cross(np.eye(3), v[..., None, :])
-    return np.asarray(np.eye(3) + 2.0 * e0[..., None, None] * K + 2.0 * K @ K)
+    return matrices(quaternions(p))
+
+
+def matrices(e: np.ndarray) -> np.ndarray:
+    """Return the rotation matrices (..., 3, 3) of Euler parameters (..., 4)."""
+    K = np.zeros((*e.shape[:-1], 3, 3))
+    for i, (j, k) in enumerate(_CYCLE):
+        K[..., k, j], K[..., j, k] = e[..., 1 + i], -e[..., 1 + i]
+    return np.asarray(np.eye(3) + 2.0 * e[..., :1, None] * K + 2.0 * K @ K)
 
 
 def parameters(R: np.ndarray) -> np.ndarray:

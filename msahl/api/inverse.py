@@ -1,11 +1,10 @@
 """Inverse dynamics: the drive loads of a given motion as an object, with the tables of a run."""
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from os import PathLike, fspath
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,28 +75,45 @@ class InverseResult(Result):
         return written
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is asked of an inverse problem: motions are paths, results, pandas frames or columns by
+    name.
+    """
+
+    motion: Any
+    loads: Sequence[str] = ()
+    weights: Mapping[str, float] = field(default_factory=dict)
+    smooth: float = 0.0
+    companion: Any = None
+    columns: Mapping[str, str] = field(default_factory=dict)  # {"q1": "Shaft.angle:deg"}
+
+
 def loads_of(
-    job: Job,
-    motion: Any,
-    loads: Sequence[str] = (),
-    weights: Mapping[str, float] | None = None,
-    smooth: float = 0.0,
-    companion: Any = None,
-    columns: Mapping[str, str] = MappingProxyType({}),
+    job: Job, wanted: Wanted, progress: Callable[[float, str], Any] = lambda part, words: None
 ) -> InverseResult:
-    """Return the loads of the ``motion`` of the model that a ``job`` would run: a path, a result, a
-    pandas frame or columns by name; ``columns`` are those of tables by what they are, such as
-    ``{"q1": "Shaft.angle:deg"}``. Raises ``InverseError``, ``StartError`` or ``ResultError``.
+    """Return the loads of the motion of the model that a ``job`` would run; ``progress`` receives
+    the part of the table that is done, and words. Raises ``InverseError``, ``StartError`` or
+    ``ResultError``.
     """
     began, model = time.perf_counter(), job.model
-    given = read(motion, model, "motion", columns)
-    solution = inverse(model, given, loads, weights, smooth)
-    if companion is None:
+    names = ("motion",) if wanted.companion is None else ("motion", "companion")
+    given = [read(getattr(wanted, name), model, name, wanted.columns) for name in names]
+    sizes = [each.time.size for each in given]
+
+    def solved(motion: GivenMotion, before: int) -> Solution:
+        def show(row: int) -> None:
+            done, number = before + row, sum(sizes)
+            progress(done / number, f"{done} of {number} rows")
+
+        return inverse(model, motion, wanted.loads, wanted.weights, wanted.smooth, show)
+
+    solution = solved(given[0], 0)
+    if wanted.companion is None:
         solution = with_run_error(solution)
     else:
-        other = inverse(model, read(companion, model, "companion", columns), loads, weights, smooth)
-        solution = compared(solution, other)
-    return InverseResult(_job(job, given), solution, time.perf_counter() - began)
+        solution = compared(solution, solved(given[1], sizes[0]))
+    return InverseResult(_job(job, given[0]), solution, time.perf_counter() - began)
 
 
 def read(motion: Any, model: Model, name: str, mapping: Mapping[str, str]) -> GivenMotion:

@@ -156,12 +156,13 @@ class Model:
         The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
         ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
         """
-        from msahl.api.inverse import loads_of
+        from msahl.api.inverse import Wanted, loads_of
 
         weights = {} if weights is None else weights
         require(loads=(loads, Names()), weights=(weights, Weights()), smooth=(smooth, NOT_NEGATIVE))
         require(columns=(columns, Mapped()))
-        return loads_of(self.job(), motion, loads, weights, smooth, companion, columns)
+        wanted = Wanted(motion, loads, weights, smooth, companion, columns)
+        return loads_of(self.job(), wanted)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""

@@ -11,6 +11,7 @@ from msahl.cli.compiling import computing
 from msahl.cli.console import BAD_VERDICT, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
+from msahl.cli.progress import progress
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -110,13 +111,14 @@ def _result(
     """Return the loads; faults end the program."""
     job = job_of(deck, {}, settings)
     from msahl.analysis.inverse.columns import mapping_of
-    from msahl.api.inverse import loads_of
+    from msahl.api.inverse import Wanted, loads_of
 
     names = [name.strip() for text in wanted["loads"] for name in text.split(",") if name.strip()]
     weights, noise = _weights(wanted["weights"]), wanted["smooth"] or 0.0
-    with computing(deck, quiet):
+    with computing(deck, quiet), progress(not quiet, "inverse") as show:
         columns = mapping_of(wanted["columns"])
-        return loads_of(job, motion, names, weights, noise, wanted["companion"], columns)
+        asked = Wanted(motion, names, weights, noise, wanted["companion"], columns)
+        return loads_of(job, asked, show)
 
 
 def _weights(texts: tuple[str, ...]) -> dict[str, float]:

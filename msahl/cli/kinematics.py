@@ -2,8 +2,6 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +11,11 @@ from msahl.cli.compiling import computing
 from msahl.cli.console import INTERRUPTED, OTHER_FOLDER, STATUS, say, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, quiet_option, set_option
+from msahl.cli.progress import progress_in_time
 from msahl.printable import printable, shown_path
-from msahl.terminal import SparseLines
 
 if TYPE_CHECKING:
+    from msahl.analysis.kinematics.solution import Prepared
     from msahl.results.job import Job
     from msahl.run.report import Report
 
@@ -66,32 +65,33 @@ def kinematics(
 
     Example: msahl kinematics decks/mechanisms/stewart.xml
     """
-    from msahl.analysis.kinematics.solution import options_of
+    from msahl.analysis.kinematics.solution import options_of, prepare
     from msahl.results.lock import locked
 
     job = job_of(deck, options_of(step, t_final), settings)
     folder = output or Path("results") / f"{deck.stem}_kinematics"
-    with writing(folder, OTHER_FOLDER), computing(deck, quiet=True), locked(folder):
-        status = _carry_out(job, folder, every, quiet)
+    with writing(folder, OTHER_FOLDER), computing(deck, quiet=True):
+        prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
+        with locked(folder):
+            status = _carry_out(job, prepared, folder, every, quiet)
     sys.exit(status)
 
 
-def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
+def _carry_out(job: "Job", prepared: "Prepared", folder: Path, every: int, quiet: bool) -> int:
     """Compute the motion into the locked folder; returns the exit status."""
-    from msahl.analysis.kinematics.solution import follow, output_times, prepare
+    from msahl.analysis.kinematics.solution import follow, output_times
     from msahl.analysis.kinematics.verdict import kinematics_as_json, report_of
     from msahl.results import session
     from msahl.results.folder import claim
 
     began = time.perf_counter()
-    prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
     about = _about(job, folder, every)
     work = claim(folder, job.source.path, about)
     results = session.begin(work, job.model, job.text, about)
     times = output_times(job.model, every)
     try:
-        with results, _progress(float(times[-1]), not quiet) as progress:
-            found = follow(prepared, times, results, progress)
+        with results, progress_in_time(not quiet, float(times[-1]), "kinematics") as show:
+            found = follow(prepared, times, results, show)
             results.complete = found.complete
     except KeyboardInterrupt:
         say(f"{shown_path(job.source.path)}: interrupted; the tables are not complete")
@@ -124,18 +124,3 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool) -> None:
         lines.append(f"{report.verdict['word']}: {'; '.join(texts)} -> {shown_path(folder)}")
     for line in lines:
         say(f"{shown_path(deck)}: {printable(line)}")
-
-
-@contextmanager
-def _progress(end: float, shown: bool) -> Iterator[Callable[[float], Any]]:
-    """A progress bar of the time on a terminal, a few lines elsewhere."""
-    if not shown:
-        yield lambda t: None
-        return
-    if not sys.stderr.isatty():
-        lines = SparseLines()
-        yield lambda t: lines.show(t / end, f"kinematics: t = {t:.4g} of {end:g} s")
-        return
-    bar: Any = click.progressbar(length=1000, label="kinematics", file=sys.stderr)
-    with bar:
-        yield lambda t: bar.update(int(1000.0 * t / end) - bar.pos)

@@ -2,8 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,8 +24,8 @@ from msahl.cli.console import (
 from msahl.cli.decks import job_to_run
 from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
+from msahl.cli.progress import progress_in_time
 from msahl.printable import printable, shown_path
-from msahl.terminal import SparseLines
 
 if TYPE_CHECKING:
     from msahl.cli.gradients import GradientsOfRun
@@ -220,12 +219,14 @@ class RunCommand:
         job, gradients = self.job, self.gradients
         ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
         results = session.begin(work, job.model, job.text, self.about, ends)
+        simulation = job.model.simulation
+        about = not self.quiet, simulation.t_final, self.deck, simulation.title or "running"
         try:
-            with results, announced(not self.quiet), self._progress() as progress:
+            with results, announced(not self.quiet), progress_in_time(*about) as show:
                 tell = (lambda message: None) if self.quiet else say
                 accepted = gradients.record.add if gradients else None
                 sink = BothSinks(results, gradients.memory) if gradients else results
-                hooks = loop.Hooks(progress, stopped, tell, save, accepted)
+                hooks = loop.Hooks(lambda steps, t: show(t), stopped, tell, save, accepted)
                 finer = self._finer_mesh()
                 report = loop.run(job.model, job.options, sink, hooks, snapshot, True, finer)
                 set_alarm(0.0)  # what ends the run now must not be interrupted
@@ -281,30 +282,6 @@ class RunCommand:
 
         bad = (WARN, FAIL) if self.strict else (FAIL,)
         return BAD_VERDICT if report.verdict["word"] in bad else 0
-
-    @contextmanager
-    def _progress(self) -> Iterator[Callable[[int, float], Any]]:
-        """A progress bar of steps and simulated time on a terminal, a few lines elsewhere."""
-        if self.quiet:
-            yield lambda steps, t: None
-            return
-        from msahl.run.time_grid import TimeGrid
-
-        simulation = self.job.model.simulation
-        if not sys.stderr.isatty():
-            lines, end = SparseLines(), simulation.t_final
-            yield lambda steps, t: lines.show(t / end, f"{self.deck}: t = {t:.4g} of {end:g} s")
-            return
-        bar: Any = click.progressbar(
-            length=TimeGrid.of_steps(simulation).n,
-            label=simulation.title or "running",
-            file=sys.stderr,
-            item_show_func=lambda t: (
-                "" if t is None else f"t = {t:.4g} of {simulation.t_final:g} s"
-            ),
-        )
-        with bar:
-            yield lambda steps, t: bar.update(steps - bar.pos, t)
 
     def _report(self, folder: Path, report: "Report") -> None:
         """Print the last messages: warnings, what went wrong, and the verdict."""

@@ -248,7 +248,9 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return ``a x b`` (..., 3); numpy's own function takes three times as long."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    out[..., 0], out[..., 1], out[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return out
 
 
 def _slide(row: int, geometry: Geometry, motion: Relative) -> list[np.ndarray]:

@@ -264,7 +264,7 @@ def unreadable(rows: str, columns: int) -> str:
             return f"{line}: {len(cells)} numbers under {columns} columns"
         for cell in cells:
             try:
-                float(cell)
+                float(cell.replace("_", "x"))  # which Python takes, and tables have not
             except ValueError:
                 if row.strip():
                     return f"{line}: '{printable(cell[:LONGEST])}' is not a number"

@@ -31,6 +31,8 @@ from msahl.schemes.step_events import (
 
 SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
+KEPT = ("crossed", "loose", "often", "holds", "slides")
+"""Arrays of the detector that a run needs to go on."""
 COMPILED: dict[Any, Any] = {
     kernel: compiled(kernel)
     for kernel in (
@@ -95,6 +97,21 @@ class Detection:
         """Go on beyond the level of an ``event``, from the present time."""
         t = float(self.workspace.state.time[0])
         self._call(step_events.cross, self.detector, event.margin, t)
+
+    @property
+    def counters(self) -> dict[str, Any]:
+        """What later steps depend on, as JSON can hold it: which switches are held, when they have
+        crossed, and along which level the motion slides.
+        """
+        detector = self.detector
+        found = {name: getattr(detector, name).tolist() for name in KEPT}
+        return {**found, "since": float(detector.figures[SLIDES])}
+
+    def restore(self, counters: dict[str, Any]) -> None:
+        """Restore what ``counters`` returned."""
+        for name in KEPT:
+            getattr(self.detector, name)[:] = counters[name]
+        self.detector.figures[SLIDES] = counters["since"]
 
     @property
     def holds(self) -> bool:

@@ -144,12 +144,15 @@ class FixedStepper:
     @property
     def counters(self) -> dict[str, Any]:
         """See ``Stepper``."""
-        return {"may_compile": self.may_compile, **self.method.counters}
+        events = self.method.detection.counters if self.method.detection else {}
+        return {"may_compile": self.may_compile, **self.method.counters, "events": events}
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
         self.may_compile = counters["may_compile"]
         self.method.restore(counters)
+        if self.method.detection:
+            self.method.detection.restore(counters["events"])
 
     def reset_prediction(self) -> None:
         """See ``Stepper``."""

@@ -3,9 +3,10 @@
 After each step the constraint violation is removed by projection. Two solutions, whose tolerances
 differ by the factor ``COARSER``, are computed side by side: at the time from which they differ by
 more than the accuracy asked for, the finer one, whose error is smaller by about that factor, is no
-longer trusted, and both end. Steps end where a law of time begins another piece, so that no pulse
-is missed. The finer solution is kept in a cache (``reference_cache``) as the polynomials of its
-steps, which give the states at any time.
+longer trusted, and both end. Steps end where a law of time begins another piece, and where an
+expression of the time changes its formula, so that no pulse is missed; kinks and jumps of the
+motion are met by steps as short as the tolerance needs. The finer solution is kept in a cache
+(``reference_cache``) as the polynomials of its steps, which give the states at any time.
 """
 
 import math
@@ -18,6 +19,8 @@ from typing import Any
 import numpy as np
 
 from msahl.elements.signals.group import use_reactions
+from msahl.events.expressions import NO_TIMES, known_to
+from msahl.expressions.tape import FREE
 from msahl.jit.compiled import working_clock
 from msahl.model import Model
 from msahl.results.read import ResultError
@@ -175,7 +178,9 @@ class _Integration:
         self.ends, self.values = [0.0], list[np.ndarray]()
         self.steps = 0
         self.longest = longest_step(dynamics.model)
-        self.borders = [*breakpoints(dynamics.model, end), end or 1.0]
+        self.known = known_to(dynamics.system.forces.signals, end) or NO_TIMES
+        laws = breakpoints(dynamics.model, end)
+        self.borders = [*np.union1d(laws, self.known.time), end or 1.0]
         self.angle = dynamics.first_angle.copy()
         self._begin(dynamics.first)
 
@@ -189,6 +194,7 @@ class _Integration:
         # The dynamics count angles from one call to the next, and another integration may have
         # called them meanwhile.
         self.dynamics.state.angle[:] = self.angle
+        self._hold(self.ends[-1])
         # Near a singular position numbers may overflow; the linear solver reports that, and refuses
         # numbers that are not finite: ``LinAlgError`` is a ``ValueError``.
         with np.errstate(all="ignore"):
@@ -199,11 +205,25 @@ class _Integration:
                         raise TooSlowError
             except ValueError as error:
                 raise _NoEndError from error
+            finally:
+                self._switches[:] = FREE
         self.angle[:] = self.dynamics.state.angle
+
+    @property
+    def _switches(self) -> np.ndarray:
+        """Held values of the switches of expressions."""
+        signals = self.dynamics.system.forces.signals
+        return np.zeros(0) if signals is None else signals.tape.held
+
+    def _hold(self, t: float) -> None:
+        """Hold the switches that depend on the time alone at what they are from ``t`` [s] on."""
+        row = np.searchsorted(self.known.time, t, side="right")
+        self._switches[self.known.switch] = self.known.side[row]
 
     def _begin(self, y: np.ndarray) -> None:
         """Start at the end of the last step with the state ``y``, up to the next breakpoint."""
         begin, self.border = self.ends[-1], self.borders.pop(0)
+        self._hold(begin)
         last = np.nextafter(self.border, begin)  # at a breakpoint laws have the value after it
         atol = self.tolerance * _sizes(self.dynamics.first, self.dynamics.state.auxiliary.size)
         with warnings.catch_warnings(), np.errstate(all="ignore"):

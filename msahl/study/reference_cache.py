@@ -17,7 +17,7 @@ import platformdirs
 from msahl.jit.kernel_store import Store
 from msahl.model import Model, Simulation
 
-FORM = "4"
+FORM = "5"
 """Version of the format of a file; to be increased when the meaning of its content changes."""
 
 

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import msahl
+from msahl import terminal
 from msahl.cli.main import main
 from msahl.post.cli import main as post
 from tests.support.models import ROOT
@@ -59,6 +60,17 @@ def test_the_folder_has_the_loads_and_the_tables_of_a_run(folders):
 def test_the_folder_can_be_evaluated(folders, kind):
     result = call(kind, folders / "loads", of=post)
     assert result.exit_code == 0, result.output
+
+
+def test_long_tables_have_lines_in_a_pipe(folders, monkeypatch):
+    """They count both tables, and -q prints none."""
+    for name in ("FIRST", "LONGEST"):
+        monkeypatch.setattr(terminal, name, 0.0)
+    words = ("inverse", FOUR_BAR, "--motion", folders / "run", "--companion", folders / "run")
+    lines = call(*words).stderr.splitlines()
+    assert any(line.startswith("  inverse: 13 of 26 rows, about") for line in lines)
+    assert any(line.startswith("  inverse: 26 of 26 rows") for line in lines)
+    assert "of 26 rows" not in call(*words, "-q").stderr
 
 
 def test_motions_by_a_table_and_as_what_the_command_wrote(folders, tmp_path):

@@ -28,6 +28,7 @@ from msahl.study.refined_runs import refined_reference
 from msahl.study.rounding import MANTISSAS, next_round, round_down, series_index, series_value
 from msahl.study.runs import Case, run_in_memory, with_step
 from msahl.study.study import find_reference, study
+from tests.events.test_expressions import SCENES, TIMED
 from tests.support.models import GROUND, deck
 
 DECK = Path(__file__).parents[2] / "decks" / "thesis" / "double_pendulum_89.xml"
@@ -170,6 +171,16 @@ def test_breakpoints_of_laws():
     np.testing.assert_allclose(breakpoints(free_body(table), 1.0), np.arange(1, 10) / 10, rtol=1e-9)
     assert breakpoints(free_body(Law("constant", (1.0,))), 1.0).size == 0
     assert longest_step(free_body(Law("sine", (1.0, 2.0 * np.pi, 0.0, 0.0)))) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    "scene", ["spike", "spikes", "square wave", "sampled", "two-point control"]
+)
+def test_changes_of_expressions_are_met(scene):
+    """Known times end steps; jumps of the motion are met by short ones, to 1e-13 s each."""
+    model, exact = {**TIMED, **SCENES}[scene]
+    x = independent(model, np.linspace(0.0, 1.0, 11), 1e-6).states(np.array([1.0]))[0, 2]
+    assert x == pytest.approx(exact(1.0), abs=5e-11)
 
 
 def test_a_solution_is_known_at_any_time():

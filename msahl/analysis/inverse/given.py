@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import euler_parameters, rotations
+from msahl.algebra.rotation_arrays import euler_parameters, matrices, rotations
 from msahl.analysis.inverse.table import Track
 from msahl.analysis.linearised.coefficients import skews
 from msahl.analysis.linearised.plain_units import coordinate_numbers
@@ -58,14 +58,21 @@ class _Joints(NamedTuple):
     rows: list[tuple[int, int, int, bool]]  # row of y, joint, column of rates, is an orientation
 
 
-class _Point(NamedTuple):
-    """A point of a body, or its axes (``axis`` -1)."""
+class _Points(NamedTuple):
+    """Coordinates of points of bodies, one ``axis`` each."""
 
-    row: int
-    body: int
-    s: np.ndarray  # (3,) from B, body axes [m]
-    axes: np.ndarray  # (3, 3) rows, body axes
-    axis: int
+    row: np.ndarray  # (k,) of y
+    body: np.ndarray  # (k,)
+    s: np.ndarray  # (k, 3) from B, body axes [m]
+    axis: np.ndarray  # (k,)
+
+
+class _Axes(NamedTuple):
+    """Axes that are fixed in bodies."""
+
+    row: np.ndarray  # (k,) first of three of y
+    body: np.ndarray  # (k,)
+    axes: np.ndarray  # (k, 3, 3) rows, body axes
 
 
 class Measures:
@@ -88,7 +95,13 @@ class Measures:
         for track, rows in zip(tracks, self.rows, strict=True):
             self.scale[rows] = typical if track.rotates else 1.0
         self.joints = self._joints(model)
-        self.points = self._points(model)
+        self.points, self.axes = self._points(model)
+        first = np.cumsum([0, *(track.values.shape[1] for track in tracks)])
+        self.first = np.zeros(self.size, dtype=int)  # given value of each row's track
+        for rows, column in zip(self.rows, first, strict=False):
+            self.first[rows] = column
+        periodic = [track.rotates and not _is_orientation(track) for track in tracks]
+        self.periodic = np.repeat(periodic, widths)
 
     def _joints(self, model: Model) -> list[_Joints]:
         """Return the joints of which coordinates are given, by kind."""
@@ -118,20 +131,30 @@ class Measures:
             found.append(_Joints(stacked(group), parent, child, rows))
         return found
 
-    def _points(self, model: Model) -> list[_Point]:
+    def _points(self, model: Model) -> tuple[_Points, _Axes]:
         """Return the points and axes of bodies that are given."""
         markers = {marker.name: marker for marker in model.markers}
-        found = []
+        points, frames = [], []
         for track, rows in zip(self.tracks, self.rows, strict=True):
-            axis = -1 if _is_orientation(track) else "xyz".find(track.coordinate)
             if track.kind == "marker":
                 marker = markers[track.element]
-                s, axes = np.array(marker.point), np.array(marker.axes)
-                found.append(_Point(rows.start, self.number[marker.body], s, axes, axis))
+                body, s, axes = self.number[marker.body], marker.point, np.array(marker.axes)
             elif track.kind == "body":
-                body = self.number[track.element]
-                found.append(_Point(rows.start, body, np.zeros(3), np.eye(3), axis))
-        return found
+                body, s, axes = self.number[track.element], (0.0, 0.0, 0.0), np.eye(3)
+            else:
+                continue
+            if _is_orientation(track):
+                frames.append((rows.start, body, axes))
+            else:
+                points.append((rows.start, body, s, "xyz".index(track.coordinate)))
+        row, body, s, axis = (
+            (list(part) for part in zip(*points, strict=True)) if points else [[]] * 4
+        )
+        of_points = _Points(
+            _integers(row), _integers(body), np.reshape(s, (-1, 3)), _integers(axis)
+        )
+        row, body, axes = (list(part) for part in zip(*frames, strict=True)) if frames else [[]] * 3
+        return of_points, _Axes(_integers(row), _integers(body), np.reshape(axes, (-1, 3, 3)))
 
     def bodies(self, state: State) -> Bodies:
         """Return the bodies in a ``state``."""
@@ -144,28 +167,29 @@ class Measures:
         """(size,) given values less those of the configuration, in metres; ``given`` holds the
         values of the tracks one after the other, orientations as quaternions.
         """
-        values = np.split(given, np.cumsum([track.values.shape[1] for track in self.tracks])[:-1])
-        first = {rows.start: value for rows, value in zip(self.rows, values, strict=True)}
-        y = np.zeros(self.size)
+        y = given[self.first]
+        oriented, R = (
+            list(self.axes.row),
+            [bodies.R[self.axes.body] @ self.axes.axes.swapaxes(1, 2)],
+        )
         for group in self.joints:
             parent, child = (_still(bodies, each) for each in (group.parent, group.child))
             motion = relative(group.geometry, parent, child)
             present = values_and_rates(group.geometry, motion)[0]
             for row, joint, column, spatial in group.rows:
                 if spatial:
-                    y[row : row + 3] = _rotation_to(motion.R[joint], first[row])
+                    oriented.append(row)
+                    R.append(motion.R[joint : joint + 1])
                 else:
-                    y[row] = first[row][0] - present[joint, column]
-        for point in self.points:
-            R = bodies.R[point.body]
-            if point.axis < 0:
-                y[point.row : point.row + 3] = _rotation_to(R @ point.axes.T, first[point.row])
-            else:
-                place = bodies.x[point.body] + R @ point.s
-                y[point.row] = first[point.row][0] - place[point.axis]
-        for track, rows in zip(self.tracks, self.rows, strict=True):
-            if track.rotates and not _is_orientation(track):
-                y[rows] = np.remainder(y[rows] + np.pi, 2.0 * np.pi) - np.pi
+                    y[row] -= present[joint, column]
+        points = self.points
+        place = bodies.x[points.body] + rotated(bodies.R[points.body], points.s)
+        y[points.row] -= place[np.arange(len(place)), points.axis]
+        if oriented:
+            first, three = np.array(oriented)[:, None], np.arange(4)
+            vectors = _rotations_to(np.concatenate(R), given[self.first[first] + three])
+            y[first + three[:3]] = vectors
+        y[self.periodic] = np.remainder(y[self.periodic] + np.pi, 2.0 * np.pi) - np.pi
         return y * self.scale
 
     def jacobian(self, bodies: Bodies) -> np.ndarray:
@@ -182,14 +206,12 @@ class Measures:
                     for which in range(2):
                         node = nodes[which][body]
                         H[row : row + width, node] += part[:, side, which]
-        for point in self.points:
-            R, u, theta = bodies.R[point.body], *(each[point.body] for each in nodes)
-            if point.axis < 0:
-                H[point.row : point.row + 3, theta] = point.axes @ R.T
-            else:
-                r = R @ point.s + bodies.arm[point.body]
-                H[point.row, u] = np.eye(3)[point.axis]
-                H[point.row, theta] = -skews(r[None])[0][point.axis]
+        points, axes = self.points, self.axes
+        r = rotated(bodies.R[points.body], points.s) + bodies.arm[points.body]
+        H[points.row, nodes[0][points.body]] = np.eye(3)[points.axis]
+        H[points.row, nodes[1][points.body]] = -skews(r)[np.arange(len(r)), points.axis]
+        rows = axes.row[:, None] + np.arange(3)
+        H[rows, nodes[1][axes.body][:, None]] = axes.axes @ bodies.R[axes.body].swapaxes(1, 2)
         H[:, frames.rotation] /= frames.length[:, None]
         return self.scale[:, None] * H.reshape(self.size, -1)[:, self.coordinate]
 
@@ -202,16 +224,19 @@ class Measures:
             for row, joint, column, spatial in group.rows:
                 width = 3 if spatial else 1
                 c[row : row + width] = values[joint, column : column + width]
-        for point in self.points:
-            if point.axis >= 0:
-                W = bodies.W[point.body]
-                r = bodies.R[point.body] @ point.s + bodies.arm[point.body]
-                c[point.row] = np.cross(W, np.cross(W, r))[point.axis]
+        points = self.points
+        W = bodies.W[points.body]
+        r = rotated(bodies.R[points.body], points.s) + bodies.arm[points.body]
+        c[points.row] = cross(W, cross(W, r))[np.arange(len(r)), points.axis]
         return c * self.scale
 
 
 def _is_orientation(track: Track) -> bool:
     return track.coordinate == ORIENTATION
+
+
+def _integers(numbers: Sequence[int]) -> np.ndarray:
+    return np.array(numbers, dtype=int)
 
 
 def _rate_name(track: Track) -> str:
@@ -256,12 +281,9 @@ def _unit_rates(group: _Joints, bodies: Bodies) -> np.ndarray:
     return values_and_rates(group.geometry, relative(group.geometry, *motions))[1]
 
 
-def _rotation_to(R: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-    """(3,) rotation vector, in the axes ``R``, from these to those of a quaternion."""
-    e = quaternion / np.linalg.norm(quaternion)
-    if 1.0 + e[0] < 1e-3:
-        e = -e
-    target = rotations(4.0 * e[1:] / (1.0 + e[0]))
-    q = euler_parameters(R.T @ target)
-    sine = float(np.linalg.norm(q[1:]))
-    return np.asarray(2.0 * np.arctan2(sine, q[0]) * (q[1:] / sine if sine > 0.0 else q[1:]))
+def _rotations_to(R: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """(k, 3) rotation vectors, in the axes ``R`` (k, 3, 3), from these to those of quaternions."""
+    e = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    q = euler_parameters(R.swapaxes(1, 2) @ matrices(e))
+    sine = np.linalg.norm(q[:, 1:], axis=1, keepdims=True)
+    return np.asarray(2.0 * np.arctan2(sine, q[:, :1]) * q[:, 1:] / np.where(sine > 0.0, sine, 1.0))

@@ -7,9 +7,9 @@ several ways (``splines``), with each of them the loads are computed, and how fa
 differ is the error bar of the loads.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,11 +94,12 @@ def inverse(
     loads: Sequence[str] = (),
     weights: Mapping[str, float] | None = None,
     noise: float = 0.0,
+    progress: Callable[[int], Any] = lambda rows: None,
 ) -> Solution:
     """Return the loads of the drives named, by default of all actuators and prescribed motions, or
     of motors at the coordinates of joints that the table has, that produce the ``motion``;
     ``weights`` of the least norm by the drives' names, ``noise`` the standard deviation of the
-    table. Raises ``InverseError`` or ``StartError``.
+    table. ``progress`` receives the number of rows done. Raises ``InverseError`` or ``StartError``.
     """
     if model.beams:
         raise InverseError(
@@ -118,7 +119,7 @@ def inverse(
     try:
         with np.errstate(all="ignore"):
             work = _Work(follower, balance, motion, noise, copied(point.state))
-            found = work.solution(model, driven, drives)
+            found = work.solution(model, driven, drives, progress)
     except InverseError:
         raise
     except (np.linalg.LinAlgError, OverflowError, ValueError) as error:  # of nan and infinity
@@ -191,6 +192,48 @@ def _weights(drives: Sequence[Drive], weights: Mapping[str, float]) -> np.ndarra
     return np.array([weights.get(name, 1.0) for name in names])
 
 
+class _Found(NamedTuple):
+    """What is kept of the loads of m rows by w ways; k drives. A table may have a million rows."""
+
+    loads: np.ndarray  # (m, w, k)
+    missing: np.ndarray  # (m,) largest missing force
+    change: np.ndarray  # (m,) largest difference of missing forces between ways
+    power: np.ndarray  # (m, k)
+    largest: np.ndarray  # (m,)
+    rank: np.ndarray  # (m,)
+    shared: np.ndarray  # (k,) largest of all rows
+
+    @classmethod
+    def of(cls, m: int, w: int, k: int) -> "_Found":
+        """Return the arrays."""
+        loads, power, shared = np.zeros((m, w, k)), np.zeros((m, k)), np.zeros(k)
+        return cls(loads, np.zeros(m), np.zeros(m), power, np.zeros(m), np.zeros(m, int), shared)
+
+    def keep(self, row: int, way: int, loads: Loads, first: Loads) -> None:
+        """Keep the ``loads`` of a row by one way; ``first`` are those of the first way."""
+        self.loads[row, way] = loads.loads
+        self.change[row] = max(self.change[row], _size(loads.missing - first.missing))
+        if way == 0:
+            self.missing[row] = _size(loads.missing)
+            self.power[row], self.largest[row] = loads.power, loads.largest
+            self.rank[row] = loads.rank
+            np.maximum(self.shared, loads.shared, out=self.shared)
+
+    def rows(self, misfit: np.ndarray, energy: np.ndarray) -> Rows:
+        """Return the rows with their error bars."""
+        apart = np.abs(self.loads[:, 1:] - self.loads[:, :1]).max(axis=1)
+        return Rows(
+            loads=self.loads[:, 0],
+            error=SAFETY * _largest_nearby(apart),
+            power=self.power,
+            misfit=misfit,
+            missing=self.missing,
+            largest=self.largest,
+            missing_error=SAFETY * _largest_nearby(self.change[:, None])[:, 0],
+            energy=energy,
+        )
+
+
 class _Work:
     """The computation, row by row."""
 
@@ -205,22 +248,25 @@ class _Work:
         self.tables = new_tables(system, state, m, accelerations=True)
         self.frames: dict[int, tuple[State, Frame]] = {}  # where uniqueness is examined
         self.energy = np.zeros(m)
+        self.found = _Found.of(m, len(self.ways), len(balance.results))
 
-    def solution(self, model: Model, driven: Model, drives: tuple[Drive, ...]) -> Solution:
+    def solution(
+        self,
+        model: Model,
+        driven: Model,
+        drives: tuple[Drive, ...],
+        progress: Callable[[int], Any],
+    ) -> Solution:
         """Return what all rows give."""
         m = self.motion.time.size
         examined = {0, m // 2, m - 1}
-        found: list[list[Loads]] = []
         misfit = []
         for row in range(m):
-            left, frame, loads = self._row(row)
+            left, frame = self._row(row)
             misfit.append(left)
-            found.append(loads)
             if row in examined:
                 self.frames[row] = copied(self.state), frame
-        rows = self._rows(found, np.array(misfit))
-        first = [loads[0] for loads in found]
-        shared = np.max([each.shared for each in first], axis=0)
+            progress(row + 1)
         state, frame = self.frames[0]
         undriven = self.balance.undriven(state, frame)
         return Solution(
@@ -229,11 +275,11 @@ class _Work:
             drives=drives,
             motion=self.motion,
             measures=self.follower.measures,
-            rows=rows,
+            rows=self.found.rows(np.array(misfit), self.energy),
             tables=self.tables,
-            rank=min(each.rank for each in first),
+            rank=int(self.found.rank.min()),
             degrees_of_freedom=frame.N.shape[1],
-            unique=shared <= SHARED,
+            unique=self.found.shared <= SHARED,
             non_unique_reactions=self._non_unique(driven),
             undriven=tuple(self.follower.moving_bodies(undriven)) if undriven.shape[1] else (),
             redundant=len(frame.G) - (len(frame.M) - frame.N.shape[1]),
@@ -241,9 +287,9 @@ class _Work:
             weights=self.balance.weights,
         )
 
-    def _row(self, row: int) -> tuple[np.ndarray, Frame, list[Loads]]:
-        """Follow the motion to a row; return what remains of the given values, the constraints,
-        and the loads by all ways.
+    def _row(self, row: int) -> tuple[np.ndarray, Frame]:
+        """Follow the motion to a row, and keep its loads by all ways; return what remains of the
+        given values, and the constraints.
         """
         time, state = self.motion.time, self.state
         before = copy_to(self.before, state)
@@ -254,13 +300,14 @@ class _Work:
         velocity, acceleration = self._motion(state, frame, 0, row)
         if row:
             advance(self.follower.equations, before, state, self.other)
-        loads = [self.balance.solve(state, frame, velocity, acceleration)]
+        first = self.balance.solve(state, frame, velocity, acceleration)
+        self.found.keep(row, 0, first, first)
         self._write(state, row)
         for way in range(1, len(self.ways)):
             other = copy_to(self.other, state)
             moved = self._motion(other, frame, way, row)
-            loads.append(self.balance.solve(other, frame, *moved))
-        return left, frame, loads
+            self.found.keep(row, way, self.balance.solve(other, frame, *moved), first)
+        return left, frame
 
     def _motion(
         self, state: State, frame: Frame, way: int, row: int
@@ -295,26 +342,6 @@ class _Work:
         forces.publish_signals(
             *(system.forces.signals, system.forces.actuator, start.forces, system.scalar),
             *(tables.signals, row),
-        )
-
-    def _rows(self, found: list[list[Loads]], misfit: np.ndarray) -> Rows:
-        """Return the rows of the loads, with their error bars."""
-        loads = np.array([[each.loads for each in ways] for ways in found])  # (m, ways, k)
-        missing = np.array([[_size(each.missing) for each in ways] for ways in found])
-        change = np.array([
-            max((_size(each.missing - ways[0].missing) for each in ways[1:]), default=0.0)
-            for ways in found
-        ])  # fmt: skip
-        apart = np.abs(loads[:, 1:] - loads[:, :1]).max(axis=1)
-        return Rows(
-            loads=loads[:, 0],
-            error=SAFETY * _largest_nearby(apart),
-            power=np.array([ways[0].power for ways in found]),
-            misfit=misfit,
-            missing=missing[:, 0],
-            largest=np.array([ways[0].largest for ways in found]),
-            missing_error=SAFETY * _largest_nearby(change[:, None])[:, 0],
-            energy=self.energy,
         )
 
     def _non_unique(self, driven: Model) -> dict[str, list[str]]:

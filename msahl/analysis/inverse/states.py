@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import quaternions
+from msahl.algebra.rotation_arrays import matrices, quaternions
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.table import product
 from msahl.analysis.kinematics.configuration import Equations, copy_to
 from msahl.elements.constraints import scalar
-from msahl.elements.signals import results
 from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import State
@@ -47,8 +46,7 @@ class Between(NamedTuple):
 
     begin: float
     h: float
-    place: np.ndarray  # (6, n, 3) coefficients by powers of the time over h
-    orientation: np.ndarray  # (6, n, 4)
+    coefficients: np.ndarray  # (6, 7 n) by powers of the time over h: places, then quaternions
 
 
 def between(before: State, after: State) -> Between:
@@ -58,22 +56,17 @@ def between(before: State, after: State) -> Between:
     rotations = [_quaternion(s, h) for s in (before, after)]
     sign = np.sign(np.sum(rotations[0][0] * rotations[1][0], axis=1, keepdims=True))
     rotations[1] = tuple(sign * part for part in rotations[1])
-    return Between(float(before.time[0]), h, _hermite(*places), _hermite(*rotations))
+    both = [_hermite(*parts).reshape(6, -1) for parts in (places, rotations)]
+    return Between(float(before.time[0]), h, np.concatenate(both, axis=1))
 
 
 def _quaternion(state: State, h: float) -> tuple[np.ndarray, ...]:
     """Quaternions (n, 4) and their derivatives by the time over ``h``."""
     q, w = quaternions(state.p[:-1]), state.w[:-1]
-    alpha = np.einsum("bji,bj->bi", _matrices(q), state.alpha[:-1])
+    alpha = np.einsum("bji,bj->bi", matrices(q), state.alpha[:-1])
     pure, pure_rate = (np.concatenate([np.zeros((len(a), 1)), a], axis=1) for a in (w, alpha))
     rate = 0.5 * product(q, pure)
     return q, h * rate, h * h * 0.5 * (product(q, pure_rate) + product(rate, pure))
-
-
-def _matrices(q: np.ndarray) -> np.ndarray:
-    e0, v = q[:, 0], q[:, 1:]
-    K = np.cross(np.eye(3), v[:, None, :])
-    return np.asarray(np.eye(3) + 2.0 * e0[:, None, None] * K + 2.0 * K @ K)
 
 
 def _hermite(before: tuple[np.ndarray, ...], after: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -94,15 +87,16 @@ def set_motion(motion: Between, share: float, state: State) -> None:
     """Set positions, velocities and time of ``state`` after the ``share`` of the interval."""
     powers = share ** np.arange(6)
     rates = np.arange(6) * np.concatenate([[0.0], powers[:-1]]) / motion.h
-    q, rate = (np.tensordot(each, motion.orientation, 1) for each in (powers, rates))
+    n = len(state.x) - 1
+    values, slopes = np.stack([powers, rates]) @ motion.coefficients
+    q, rate = (part[3 * n :].reshape(n, 4) for part in (values, slopes))
     size = np.linalg.norm(q, axis=1, keepdims=True)
     back = np.concatenate([q[:, :1], -q[:, 1:]], axis=1) / size**2
     state.w[:-1] = 2.0 * product(back, rate)[:, 1:]
     e = q / size
     e = np.where(e[:, :1] < 0.0, -e, e)
     state.p[:-1] = 4.0 * e[:, 1:] / (1.0 + e[:, :1])
-    state.x[:-1] = np.tensordot(powers, motion.place, 1)
-    state.v[:-1] = np.tensordot(rates, motion.place, 1)
+    state.x[:-1], state.v[:-1] = (part[: 3 * n].reshape(n, 3) for part in (values, slopes))
     state.time[0] = motion.begin + share * motion.h
 
 
@@ -144,8 +138,7 @@ def _rates(of: Equations, motion: Between, share: float, seen: State, s: np.ndar
     group, own = of.system.forces.signals, of.start.forces
     of.call(evaluate.prepare, of.system, seen, of.start)
     scalar.count_rotations(of.system.scalar, of.start.scalar, seen.angle)
-    forces.set_prepared_inputs(group, own, of.system.scalar)
-    results.evaluate(group, own.signals)
+    of.call(forces.set_expressions, group, own, of.system.scalar)
     assert group is not None
     return np.asarray(own.signals.values.value[group.rate])
 

@@ -19,7 +19,15 @@ from msahl.analysis.inverse.columns import header, in_si
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.run_error import RunError, run_error
 from msahl.expressions.syntax import nearest
-from msahl.joints.coordinates import ORIENTATION, SPATIAL, SUFFIXES, coordinates, is_angle, rotated
+from msahl.joints.coordinates import (
+    ORIENTATION,
+    SPATIAL,
+    SUFFIXES,
+    coordinates,
+    cross,
+    is_angle,
+    rotated,
+)
 from msahl.model import Joint, Model
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
@@ -167,6 +175,8 @@ def _columns_of(track: Track) -> list[str]:
 def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
     """Return columns and numbers (m, columns) of a CSV file."""
     shown = shown_path(path)
+    if path.is_char_device():
+        raise InverseError(f"{shown}: a device, not a table; give the path of a CSV file")
     try:
         head, _, rows = path.read_text(encoding="utf-8-sig").partition("\n")
     except OSError as error:
@@ -343,7 +353,7 @@ def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(m, 4) products of quaternions, scalars first."""
     a, u, b, v = p[:, :1], p[:, 1:], q[:, :1], q[:, 1:]
     scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
-    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+    return np.concatenate([scalar, a * v + b * u + cross(u, v)], axis=1)
 
 
 def spins(q: np.ndarray, rate: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

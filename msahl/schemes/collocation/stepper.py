@@ -217,6 +217,7 @@ class AdaptiveStepper:
             "chosen": self.chosen,
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
+            "events": self.method.detection.counters if self.method.detection else {},
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
@@ -225,6 +226,8 @@ class AdaptiveStepper:
         self.chosen = counters["chosen"]
         self.review, self.pause = counters["review"]
         self.control.counts[:] = counters["pairs"]
+        if self.method.detection:
+            self.method.detection.restore(counters["events"])
 
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
