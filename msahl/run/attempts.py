@@ -32,6 +32,8 @@ MOST_RUNS = 4
 HELPS = 0.5
 """A further run whose error is above this fraction of the previous one shows that smaller steps do
 not help: the motion amplifies round-off."""
+FEW = 100
+"""Steps in which no motion amplifies round-off to an error that matters."""
 BOLDER = 0.01
 """Further factor of the local tolerance where a run took the same steps as the one before: local
 errors that do not see what is wrong, such as a state between its steps, say little of how small it
@@ -83,6 +85,7 @@ class Attempts:
         if over <= 1.0:
             return False
         helps = len(self.made) < 2 or over <= HELPS * self.made[-2]["overTolerance"]
+        helps = helps or self.made[-1]["steps"] < FEW
         again = self._took_the_same_steps()
         if not (helps or again) or self._finer_runs() == MOST_RUNS or self.local <= finest:
             return False
