@@ -13,6 +13,7 @@ import pytest
 
 from msahl.formulations.absolute import rigid_body
 from msahl.ports import coordinate, point
+from tests.support.guide import section
 from tests.support.models import ROOT
 
 PAGES = [
@@ -91,10 +92,7 @@ def test_modules_that_docstrings_name_exist():
 
 def functions_of(heading):
     """Functions that the tables of a section of the guide name in their first column."""
-    guide = (ROOT / "docs" / "adding-an-element.md").read_text()
-    section = re.split(r"^## ", guide, flags=re.M)
-    (text,) = [each for each in section if each.startswith(f"{heading}\n")]
-    cells = re.findall(r"^ *\| (`[^|]+) \|", text, re.M)
+    cells = re.findall(r"^ *\| (`[^|]+) \|", section(heading), re.M)
     return [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
 
 

@@ -6,6 +6,11 @@ proportional to the local tolerance, so where it is too large the next run has
 
     local tolerance  <-  AIM local tolerance (global tolerance / estimated error)
 
+An auxiliary state may be wrong by a part of its largest value, as a position may of the longest
+body's length; steps are chosen by the same measure (``step_control``). Other signals and the loads
+of actuators follow from positions, rates and states; a run is made again where the verdict would
+not pass them (``signal_errors``).
+
 The first companion, at half the step, is often accurate enough to judge the second run as well.
 """
 
@@ -50,8 +55,14 @@ class Attempts:
 
     def add(self, report: Report, estimate: ErrorEstimate) -> None:
         """Add a run that has ended; its report is completed by those before."""
-        made = {"localTolerance": self.local, "steps": report.steps, "error": estimate.error}
-        self.made.append(made)
+        self.made.append(
+            {
+                "localTolerance": self.local,
+                "steps": report.steps,
+                "error": estimate.error,
+                "overTolerance": estimate.over_tolerance(self.goal),
+            }
+        )
         assert report.step_control is not None
         report.step_control |= {"tolerance": self.goal, "runs": self.made}
         degrees = [int(chosen["degree"]) for chosen in report.step_control["degrees"]]
@@ -62,15 +73,17 @@ class Attempts:
 
     def prepare_next(self, estimate: ErrorEstimate | None, size: float) -> bool:
         """Whether another run is needed of a model of this ``size`` [m]; if so, prepare it."""
-        if estimate is None or estimate.stopped or estimate.error <= self.goal:
+        if estimate is None or estimate.stopped:
             return False
-        error, finest = estimate.error, FINEST * size
-        helps = len(self.made) < 2 or error <= HELPS * self.made[-2]["error"]
+        over, finest = estimate.over_tolerance(self.goal), FINEST * size
+        if over <= 1.0:
+            return False
+        helps = len(self.made) < 2 or over <= HELPS * self.made[-2]["overTolerance"]
         if not helps or len(self.made) == MOST_RUNS or self.local <= finest:
             return False
-        self.local = max(AIM * self.local * self.goal / error, finest)
+        self.local = max(AIM * self.local / over, finest)
         # At half the step the error is 2^-order of itself.
-        good = error * 0.5**self.order <= KNOWN_SHARE * self.goal
+        good = over * 0.5**self.order <= KNOWN_SHARE
         self.earlier = estimate.as_earlier_run() if good and estimate.kept is not None else None
         return True
 

@@ -8,10 +8,10 @@ from msahl.run.messages import angles_uncertain, slides
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
-from msahl.run.signal_errors import Scales
 from msahl.run.tables import counts_revolutions
 from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
+from msahl.system.signal_terms import Scales
 
 
 def conclude(setup: RunSetup, record: Record, report: Report) -> None:
@@ -82,8 +82,9 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
     if estimate:
         energy = max(record.extremes.size, record.extremes.scale)
         by_time = record.length / report.time if report.time > 0.0 else 0.0
+        asked = setup.attempts.goal / record.length if setup.attempts else math.inf
         scales = Scales(record.length, max(speed, by_time), energy)
-        estimate.judge_signals(setup.integrators, scales)
+        estimate.judge_signals(setup.integrators, scales, asked)
     if settings.error == OFF:
         report.extremes |= {"localErrorMax": None, "localErrorSum": None}
 

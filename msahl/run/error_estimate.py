@@ -49,11 +49,12 @@ from msahl.run.companion import (
     first_rows,
 )
 from msahl.run.error_history import GROWTH, ErrorHistory
-from msahl.run.signal_errors import Scales, SignalErrors
+from msahl.run.signal_errors import SignalErrors
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.unseen_errors import unseen_motion
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.names import reaction_columns
+from msahl.system.signal_terms import Scales
 
 ROUND_OFF = 4.0 * float_info.epsilon
 """Smallest relative error of the largest coordinate that an estimate may have."""
@@ -233,10 +234,12 @@ class ErrorEstimate:
         if self.history.until > 0.0:
             self.largest["velocity"] = max(self.largest["velocity"], unseen / self.history.until)
 
-    def judge_signals(self, integrators: Sequence[SubsystemIntegrator], scales: Scales) -> None:
+    def judge_signals(
+        self, integrators: Sequence[SubsystemIntegrator], scales: Scales, asked: float
+    ) -> None:
         """Compare the errors of signals with their sizes, at the end of the run."""
         if self.signals.names:
-            self.signals.compare_sizes(integrators, scales)
+            self.signals.compare_sizes(integrators, scales, asked)
 
     def as_earlier_run(self) -> EarlierRun:
         """The companion's rows of the complete run, which were kept."""
@@ -250,6 +253,11 @@ class ErrorEstimate:
     def error(self) -> float:
         """Largest error of positions and orientations [m]."""
         return max(self.largest["position"], self.largest["orientation"])
+
+    def over_tolerance(self, tolerance: float) -> float:
+        """Largest error over what a ``tolerance`` [m] allows, of positions and of signals."""
+        length = max(float(lengths.max()) for lengths in self.lengths)
+        return max(self.error / tolerance, self.signals.over_limits(tolerance / length))
 
     def horizon(self, accuracy: float) -> float:
         """Time [s] up to which the error stays within ``accuracy`` [m]; 0 if it never does, or if

@@ -6,30 +6,26 @@ expression would be if lengths, angles and rates had the size that they have in 
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from msahl.elements.constraints.coordinate_kinds import ANGLE
-from msahl.elements.signals import group as kinds
-from msahl.elements.signals import results
-from msahl.expressions.tape import magnitudes
 from msahl.model import Model, SignalState
-from msahl.ports import forces
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.names import signal_columns
+from msahl.system.signal_terms import Scales, state_terms, tape_terms
 
 NOISE = 1e-9
 """Relative error of an expression's terms that may be noise: rates by differences over 1e-6 of the
 run lose six digits of sixteen."""
-
-
-class Scales(NamedTuple):
-    """What a model's motion is measured by."""
-
-    length: float  # [m]
-    speed: float  # [m/s]
-    energy: float  # [J]
+ZERO, PER_TOLERANCE = 3e-4, 10.0
+"""Relative error of an expression's terms, and its ratio to the relative error asked for, up to
+which a value that is not above ``UNKNOWN`` errors of its own is zero: its terms cancel. Rates, in a
+model at rest, have errors of 1e-4 at loose tolerances, and ten times those of positions."""
+UNKNOWN = 3.0
+STATE, SIGNAL = 0.01, 0.05
+"""Share of its largest value by which an auxiliary state, and a signal or the load of an actuator,
+may be wrong: these may be rates or differences."""
 
 
 class SignalErrors:
@@ -70,14 +66,25 @@ class SignalErrors:
         self.last = every[-2:]
         return errors
 
-    def compare_sizes(self, integrators: Sequence[SubsystemIntegrator], scales: Scales) -> None:
-        """Set ``share``, the lasting errors over the size of each column; 0 where it is noise."""
-        floor = np.zeros(len(self.names))
+    def compare_sizes(
+        self, integrators: Sequence[SubsystemIntegrator], scales: Scales, asked: float
+    ) -> None:
+        """Set ``share``, the lasting errors over the size of each column; 0 where it is noise. The
+        user ``asked`` for this error relative to the longest body.
+        """
+        terms = np.zeros(len(self.names))
         for places, integrator in zip(self.places, integrators, strict=True):
             if places and integrator.workspace.system.forces.signals is not None:
-                floor[places] = NOISE * _terms(integrator, scales)
-        counts = (self.lasting > floor) & (self.size > 0.0)
-        self.share = np.divide(self.lasting, self.size, out=np.zeros_like(floor), where=counts)
+                terms[places] = _terms(integrator, scales)
+        cancels = self.size <= UNKNOWN * self.lasting
+        zero = max(NOISE, min(ZERO, PER_TOLERANCE * asked))
+        counts = (self.lasting > np.where(cancels, zero, NOISE) * terms) & (self.size > 0.0)
+        self.share = np.divide(self.lasting, self.size, out=np.zeros_like(terms), where=counts)
+
+    def over_limits(self, relative: float) -> float:
+        """Largest share over its limit, which for states is ``relative`` if that is smaller."""
+        limits = np.where(self.is_state, min(STATE, relative), SIGNAL)
+        return float((self.share / limits).max(initial=0.0))
 
     def numbers(self) -> dict[str, list[Any]]:
         """All figures so far, for a snapshot."""
@@ -102,22 +109,17 @@ def _terms(integrator: SubsystemIntegrator, scales: Scales) -> np.ndarray:
     """(columns,) what the terms of the expressions of a subsystem are, at most, in its present
     state, if none of their inputs is smaller than the ``scales``.
     """
-    system, start = integrator.workspace.system, integrator.workspace.start.forces
-    group, state = system.forces.signals, integrator.workspace.state
+    workspace = integrator.workspace
+    system, start, state = workspace.system, workspace.start, workspace.state
+    group = system.forces.signals
     assert group is not None, "a subsystem with signals"
-    with np.errstate(all="ignore"):
-        forces.set_prepared_inputs(group, start, system.scalar)
-        results.evaluate(group, start.signals)
-        given = _inputs(group, system.scalar, scales)
-        terms = magnitudes(
-            group.tape, start.signals.values, np.append(given, np.abs(state.auxiliary))
-        )
-    shown = terms[group.shown]
+    terms = tape_terms(system, start, np.abs(state.auxiliary), scales)
+    over_run = state_terms(system, start, state, terms)
+    shown = tape_terms(system, start, over_run, scales)[group.shown]
     names = signal_columns(integrator.model)[1:]
-    # Of a state the rate's terms over the run; of a power those of the load, which come before it.
-    rates = dict(zip(_states(integrator.model), terms[group.rate], strict=True))
-    time = float(state.time[0])
-    shown = np.maximum(shown, [time * rates.get(name, 0.0) for name in names[: shown.size]])
+    # A power has the terms of its load, which comes before it.
+    states = dict(zip(_states(integrator.model), over_run, strict=True))
+    shown = np.maximum(shown, [states.get(name, 0.0) for name in names[: shown.size]])
     power = [shown[names.index(f"{name[:-5]}load")] for name in names[shown.size :]]
     return np.append(shown, scales.speed * np.array(power))
 
@@ -125,24 +127,3 @@ def _terms(integrator: SubsystemIntegrator, scales: Scales) -> np.ndarray:
 def _states(model: Model) -> list[str]:
     """Names of the auxiliary states, in the order of their rates."""
     return [signal.name for signal in model.signals if isinstance(signal, SignalState)]
-
-
-def _inputs(group: kinds.Signals, scalar: Any, scales: Scales) -> np.ndarray:
-    """(y,) sizes of the inputs by the ``scales``."""
-    per_second = scales.speed / scales.length
-    by_kind = {
-        kinds.POSITION: scales.length,
-        kinds.VELOCITY: scales.speed,
-        kinds.SPIN: per_second,
-        kinds.QUATERNION: 1.0,
-        kinds.REACTION: scales.energy / min(scales.length, 1.0),
-        kinds.TIME: 0.0,
-    }
-    sizes = []
-    for kind, item in zip(group.kind, group.item, strict=True):
-        size = by_kind.get(int(kind))
-        if size is None:
-            length = 1.0 if scalar.coordinates.kind[item] == ANGLE else scales.length
-            size = length * (per_second if kind == kinds.RATE else 1.0)
-        sizes.append(size)
-    return np.array(sizes)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from msahl.model import Limits
 from msahl.model.beams import HIGHEST_DEGREE
+from msahl.run.signal_errors import SIGNAL, STATE
 
 PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
 
@@ -45,10 +46,9 @@ MESH_SHARE = 0.5
 """Share of a limit that the error by the mesh of beams may take, beside that of the steps."""
 PIVOT_RATIO = 1e13
 """Ratio of the pivots above which a step's solution keeps fewer than three digits."""
-STATE, SIGNAL, SIGNAL_FAIL = 0.01, 0.05, 0.3
-"""Error relative to its largest value of an auxiliary state that warns, of a signal or the load of
-an actuator, which may be rates or differences, and of either that fails. It is one that lasts
-(``signal_errors``)."""
+SIGNAL_FAIL = 0.3
+"""Error of a signal, a state or the load of an actuator, relative to its largest value, that fails.
+It is one that lasts (``signal_errors``)."""
 REACTION = 1.0
 """Error of a kind of reactions, relative to the largest of them, that warns."""
 NOISE = 1e-9
@@ -424,10 +424,12 @@ def _signals(figures: Figures, limits: Limits) -> Iterator[Finding]:
     columns: dict[str, Any] = (figures.error or {}).get("signals", {})
     if not columns:
         return
+    asked = math.inf if figures.tolerance is None else figures.tolerance / figures.length
+    limits_of = {True: min(STATE, asked), False: SIGNAL}  # of states, and of others
     beyond = {
         name: column
         for name, column in columns.items()
-        if column["share"] > (STATE if column["state"] else SIGNAL)
+        if column["share"] > limits_of[column["state"]]
     }
     if not beyond:
         largest = max(column["share"] for column in columns.values())
@@ -438,16 +440,29 @@ def _signals(figures: Figures, limits: Limits) -> Iterator[Finding]:
         return
     # A state before what follows from it.
     name, worst = max(beyond.items(), key=lambda item: (item[1]["state"], item[1]["share"]))
-    word = grade(max(column["share"] for column in beyond.values()), 0.0, SIGNAL_FAIL)
+    # Where positions are as asked for, what follows from them by rates or differences only warns.
+    judged = [c["share"] for c in beyond.values() if c["state"] or figures.tolerance is None]
+    word = grade(max(judged, default=0.0), 0.0, SIGNAL_FAIL) if judged else WARN
     more = f", and {len(beyond) - 1} more are off" if len(beyond) > 1 else ""
     what = "state" if worst["state"] else "signal"
-    yield Finding(
-        "signals",
-        word,
-        f"estimated error of {what} '{name}' {worst['error']:.1e}, {worst['share']:.1%} of its "
-        f"largest value {worst['largest']:.3g}{more}; try a smaller --dt, or --scheme radau where "
-        "states change faster than the steps",
+    text = (
+        f"estimated error of {what} '{name}' {worst['error']:.1e}, {worst['share']:.2g} of its "
+        f"largest value {worst['largest']:.3g}{more}"
     )
+    yield Finding("signals", word, text + _signal_advice(figures, worst["state"], asked))
+
+
+def _signal_advice(figures: Figures, is_state: bool, asked: float) -> str:
+    """What to try against the error of a signal; states may be wrong by the part ``asked``."""
+    if figures.tolerance is None:
+        return "; try a smaller --dt, or --scheme radau where states change faster than the steps"
+    if is_state and asked < STATE:
+        return (
+            f"; the tolerance of {figures.tolerance:g} m means {asked:.1g} for states, its part of "
+            f"the longest body, {figures.length:.3g} m: smaller steps did not help, so the motion "
+            "amplifies errors, or a rate jumps in a way that its expression does not show"
+        )
+    return "; try a smaller --tolerance"
 
 
 def _local_errors(figures: Figures) -> Finding:

@@ -1,4 +1,4 @@
-"""The force of docs/adding-an-element.md, which the program does not have, added as it says."""
+"""The force of docs/adding-a-force.md, which the program does not have, added as it says."""
 
 import inspect
 import re

@@ -1,4 +1,4 @@
-"""The joint of docs/adding-an-element.md, which the program does not have, added as it says."""
+"""The joint of docs/adding-a-joint.md, which the program does not have, added as it says."""
 
 import re
 

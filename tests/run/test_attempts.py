@@ -19,13 +19,17 @@ def first_attempt():
 def estimate(error, kept=None):
     """What an attempt asks of the estimate of its error."""
     return SimpleNamespace(
-        error=error, stopped=False, kept=kept, as_earlier_run=lambda: EarlierRun(kept)
+        over_tolerance=lambda goal: error / goal,
+        stopped=False,
+        kept=kept,
+        as_earlier_run=lambda: EarlierRun(kept),
     )
 
 
 def made(attempts, error):
     """The attempts with one more run, of an error."""
-    attempts.made.append({"localTolerance": attempts.local, "steps": 10, "error": error})
+    numbers = {"steps": 10, "error": error, "overTolerance": error / GOAL}
+    attempts.made.append({"localTolerance": attempts.local, **numbers})
     return attempts
 
 

@@ -8,6 +8,7 @@ import pytest
 from msahl.algebra.vector import ZERO
 from msahl.expressions.syntax import parse
 from msahl.model import Joint, JointActuator, Limits, Signal, SignalState
+from msahl.run.signal_errors import STATE
 from msahl.run.tables import error_columns
 from msahl.run.verdict import PASS, WARN, judge
 from tests.physics.test_actuators import motor, motor_exactly
@@ -107,3 +108,50 @@ def test_an_error_of_forces_is_judged_by_the_largest(share, word):
     sizes = {"largest": {"force": 50.0}, "force": share * 50.0}
     verdict = judge(replace(GOOD, error=GOOD.error | sizes), Limits()).as_json()
     assert verdict["checks"].get("forceError", {}).get("word") == word
+
+
+def by_tolerance(model, tolerance, t_final):
+    simulation = replace(model.simulation, tolerance=tolerance)
+    model = replace(model, simulation=simulation)
+    return simulate(model, 0.01, t_final, "auto", solver="newton")
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-6])
+@pytest.mark.parametrize("grows", [True, False])
+def test_a_tolerance_is_that_of_states_as_well(tolerance, grows):
+    """States alone: growth by e^9, and Lorenz' equations before they are chaotic. Each may be
+    wrong by the tolerance over the body's length of its largest value, and by no more than passes.
+    """
+    one = (SignalState("x", parse("3*x"), 1e-6),)
+    lorenz = ("10*(y - x)", "x*(28 - z) - y", "x*y - 8/3*z")
+    three = tuple(SignalState(n, parse(f), 1.0) for n, f in zip("xyz", lorenz, strict=True))
+    run = by_tolerance(on_a_rail(one if grows else three), tolerance, 3.0)
+    length = float(np.sqrt(0.008 / 2.0))
+    columns = run.report.error["signals"].values()
+    allowed = min(STATE, tolerance / length)
+    assert max(column["share"] for column in columns if column["state"]) <= allowed
+    assert checks(run)["signals"] == PASS
+    made = run.report.step_control["runs"]
+    assert made[-1]["overTolerance"] <= 1.0
+    # Positions are those of a body that moves uniformly: it is the states that ask for another run.
+    assert all(one["error"] < 1e-12 for one in made)
+    assert len(made) == 2 or tolerance < 1e-2
+    if grows:
+        true = 1e-6 * np.exp(3.0 * run.time)
+        assert np.abs(run.signals[:, 1] - true).max() <= allowed * true.max()
+
+
+def test_terms_that_cancel_are_zero_by_the_accuracy_asked_for():
+    """A lag in its steady state behind a rate: their difference is the error of both."""
+    lag = SignalState("z", parse("(Rail.slideRate - z)/0.1"), 1.0)
+    run = by_tolerance(on_a_rail((lag,), "0.5*(z - Rail.slideRate)"), 1e-3, 3.0)
+    assert checks(run)["signals"] == PASS
+
+
+def test_a_state_that_misses_a_tolerance_says_relative_to_what():
+    column = {"error": 2e-3, "largest": 1.0, "share": 2e-3, "state": True}
+    figures = replace(GOOD, error=GOOD.error | {"signals": {"i": column}}, length=1.0)
+    assert judge(replace(figures, tolerance=3e-3), Limits()).as_json()["word"] == PASS
+    verdict = judge(replace(figures, tolerance=1e-3), Limits()).as_json()
+    assert verdict["checks"]["signals"]["word"] == WARN
+    assert "the tolerance of 0.001 m means 0.001 for states" in verdict["checks"]["signals"]["text"]

@@ -1,4 +1,4 @@
-"""The listings of docs/adding-an-element.md, and a copy of the program that they are added to."""
+"""The listings of the guides in docs, and a copy of the program that they are added to."""
 
 import os
 import re
@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "adding-an-element.md").read_text()
+PAGES = ("adding-an-element", "adding-a-joint", "adding-a-force")
+PAGE = "".join((ROOT / "docs" / f"{name}.md").read_text() for name in PAGES)
 
 ONE_AFTER_ANOTHER = """
 import shlex, sys, traceback

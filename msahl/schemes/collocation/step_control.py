@@ -26,7 +26,9 @@ The positions at the ends of steps say little where motions are prescribed (if a
 error) or where loads oscillate (their impulses are exact). So in all systems but those of
 coinciding points without laws of time two more terms count: the error of the dense output at the
 middle of the long step, and that of the works, relative to the system's energy, times its length.
-The errors of auxiliary states count likewise, each relative to its largest size so far.
+The errors of auxiliary states count likewise, each relative to its largest size so far, unless they
+are within the rounding errors of the terms that make its rate (``signal_terms``): a state that is
+zero but for noise has no size.
 
 Works count once a body has been faster than tol/T. Slower than that, nothing moves by tol in the
 run, and at rest both energy and works are rounding errors, whose quotient says nothing. The work
@@ -58,6 +60,7 @@ from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, SPEED, record_figures
+from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, FASTEST, STATES = range(12)
@@ -113,6 +116,7 @@ class StepControl(NamedTuple):
     p_middle: np.ndarray  # (n+1, 3)
     work: np.ndarray  # (w,) at its end [J]
     auxiliary: np.ndarray  # (n,) auxiliary states there
+    terms: np.ndarray  # (2, n) terms of their rates: per second, and over the run
     checks_rows: bool  # whether errors of the dense output and of works count as well
     timed: np.ndarray  # (l,) piecewise laws of time
 
@@ -142,6 +146,7 @@ def new_step_control(
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
         auxiliary=np.zeros_like(state.auxiliary),
+        terms=rate_terms(system, subsystem.workspace.start, state, settings.t_final),
         checks_rows=system.scalar is not None
         or state.auxiliary.size > 0
         or max(forces.laws_of_time(system.forces), default=-1) >= 0,
@@ -503,6 +508,7 @@ def middle_difference(subsystem: CollocationWorkspace, control: StepControl) -> 
     """
     figures, frames = control.figures, subsystem.workspace.system.frames
     error, length, other, any_states = 0.0, largest_body(subsystem), 0.0, False
+    h = control.end.time[0] - control.start.time[0]
     for b in range(control.x.shape[0] - 1):
         u = sub(at(control.middle.x, b), at(control.x_middle, b))
         c = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
@@ -510,9 +516,10 @@ def middle_difference(subsystem: CollocationWorkspace, control: StepControl) -> 
     for k in range(control.auxiliary.size):
         state = control.end.auxiliary[k]
         figures[STATES + k] = max(figures[STATES + k], abs(state))
-        if figures[STATES + k] > 0.0:
-            off = length * abs(state - control.auxiliary[k]) / figures[STATES + k]
-            any_states, other = True, max(other, off)
+        off = abs(state - control.auxiliary[k])
+        noise = ROUND_OFF * (h * control.terms[0, k] + control.terms[1, k])
+        if not off <= noise:  # a NaN counts
+            any_states, other = True, max(other, length * off / figures[STATES + k])
     return error + other, ROUND_OFF * length if any_states else 0.0
 
 
