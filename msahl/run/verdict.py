@@ -396,14 +396,20 @@ def _advice(figures: Figures, error: float, limit: float) -> str:
     )
     if figures.tolerance is not None or figures.local_tolerance is not None:
         return good
-    enough = figures.dt * (0.5 * limit / error) ** (1.0 / figures.order)
+    enough = _shorter(figures.dt, (0.5 * limit / error) ** (1.0 / figures.order))
     rotation = figures.extreme("rotationPerStepMax")
     exponential = (
         f" (bodies rotate {rotation:.2g} rad per step), --rotation-update exponential"
         if figures.by_cayley and rotation > LARGE_ROTATION
         else ""
     )
-    return f"{good}; try --dt {enough:.1g}{exponential} or --scheme auto --tolerance {limit:.0e}"
+    return f"{good}; try --dt {enough}{exponential} or --scheme auto --tolerance {limit:.0e}"
+
+
+def _shorter(dt: float, factor: float) -> str:
+    """``factor`` times the step size ``dt``, in as many digits as show that it is shorter."""
+    text = f"{factor * dt:.1g}"
+    return text if float(text) < dt else f"{factor * dt:.2g}"
 
 
 def _unresolved(figures: Figures) -> str:
@@ -489,8 +495,8 @@ def _local_errors(figures: Figures) -> Finding:
         return Finding("accuracy", word, f"{text} (local tolerance: {tolerance:g} m)")
     if total <= ERROR * figures.size:
         return Finding("accuracy", DONE, text)
-    enough = figures.dt * (ERROR * figures.size / total) ** 0.5
-    advice = f"try --dt {enough:.1g}, or --error estimate to estimate the global error"
+    enough = _shorter(figures.dt, (ERROR * figures.size / total) ** 0.5)
+    advice = f"try --dt {enough}, or --error estimate to estimate the global error"
     return Finding("accuracy", WARN, f"{text}, in a model of size {figures.size:.1e} m; {advice}")
 
 
