@@ -159,6 +159,13 @@ def texts_of(given: str | Sequence[str]) -> list[str]:
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
+_JUMPS = (
+    "by t = {:g} s an expression jumps at a time that the derivatives do not follow: within a step "
+    "that is not divided there, as where the motion slides, or by reactions of joints; derivatives "
+    "of what comes later are wrong. Give the jump a width, as with tanh(x/w)"
+)
+
+
 class _Work:
     """Derivatives along the steps of a run, and along pairs of them."""
 
@@ -294,6 +301,8 @@ class _Work:
     def _judge(self, fine: tuple[TableGradients, dict[int, int]]) -> None:
         """Add what the growth of the derivatives and the corrections left say."""
         found, t = fine[0], float(self.times[-1])
+        if found.jumped < math.inf:
+            self.remarks.append(_JUMPS.format(found.jumped))
         for j, name in enumerate(self.request.numbers):
             if found.left[j] > SLACK:
                 self.remarks.append(

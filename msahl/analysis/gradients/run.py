@@ -7,7 +7,8 @@ import numpy as np
 
 from msahl.analysis.gradients.arrays import Copy, blocks_of, degrees_of, places_in_state
 from msahl.analysis.gradients.start import NotDifferentiable, Shape, Variation
-from msahl.analysis.gradients.step_sequence import Step
+from msahl.analysis.gradients.step_sequence import Step, after
+from msahl.analysis.gradients.switches import jumps_by_reactions, switches_of
 from msahl.jit.compiled import compiled
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import newton as collocation_newton
@@ -28,6 +29,9 @@ _take_steps = compiled(collocation_newton.take_steps)
 _differentiate = compiled(midpoint_tangent.differentiate)
 _differentiate_collocation = compiled(collocation_tangent.differentiate)
 
+NEARBY = 1e-4
+"""Fraction of a step after its end at which a margin is evaluated for its rate."""
+_NO_RATE = "the step to the change of an expression at t = {:g} s could not be solved beyond it"
 END_SHIFT = 1.0
 """Largest shift of the end of a run [s]; the size of the last step limits it further."""
 NO_ROWS, NO_SHARES = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -52,7 +56,10 @@ class TangentRun:
         instant = new_instant(part.workspace.system, None, settings.instantaneous)
         groups = part.workspace, instant, tuple(by_degree.values())
         self.base, member = Copy(groups, blocks), Copy(groups, blocks)
-        self.workspace = self.base.groups[0]
+        self.workspace, self.member = self.base.groups[0], member.groups[0]
+        self.switches = switches_of(self.workspace, settings.t_final)
+        # End of the first step in which an expression jumps at a time that is not followed [s].
+        self.jumped = 0.0 if jumps_by_reactions(self.workspace) else np.inf
         self.length = float(part.workspace.system.frames.length[:-1].max(initial=1e-300))
         places = places_in_state(part.workspace)
         shared = _shared(self.base, member, variations, free, places)
@@ -81,20 +88,102 @@ class TangentRun:
 
         Raises ``NotDifferentiable`` if one of them cannot be solved.
         """
-        degree = None
+        degree, moved = None, np.zeros_like(self.size_slope)  # the start, by the parameters
         for k, step in enumerate(steps):
             if step.degree != degree and step.degree:
                 collocation_newton.reset_prediction(self.pairs[step.degree].base)
-            degree = step.degree
+            degree, share = step.degree, 0.5 * min(step.shares, default=1.0)
+            if moved.any() and share < 0.5:  # so that all rows are at times that do not move
+                self.size_slope[:] = -moved
+                self._take_on_sides(step._replace(rows=(), shares=()), share * step.size)
+                step, moved = after(step, share), np.zeros_like(moved)
+            self.size_slope[:] = -moved
             if self.free:
-                self.size_slope[-1] = _end_share(steps, k)
-            self._take(step, step.size, 1.0, MAX_SUBDIVISIONS)
+                self.size_slope[-1] += _end_share(steps, k)
+            begin = self.base.state.copy(), self.slope.copy()
+            reached = self._take_on_sides(step, step.size)
             self.sizes.append(self._largest())
             if step.rows:
                 yield step, self.workspace.tables, self.result_slope
-            mean = slice(self.places[FIRST_MEAN], self.places[LAST_MEAN])
-            self.base.state[mean] = 0.0
-            self.slope[:, mean] = 0.0
+            moved = np.zeros_like(moved)
+            if reached >= 0 and k + 1 < len(steps):
+                moved = self._move_end(reached, step, begin)
+            self._clear_means()
+
+    def _clear_means(self) -> None:
+        mean = slice(self.places[FIRST_MEAN], self.places[LAST_MEAN])
+        self.base.state[mean] = 0.0
+        self.slope[:, mean] = 0.0
+
+    def _take_on_sides(self, step: Step, h: float) -> int:
+        """Take and differentiate a step ``h`` with the switches on the sides where they are in its
+        middle; return the one that changes at its end, or -1.
+        """
+        found, reached = self.switches, -1
+        if not found:
+            self._take(step, h, 1.0, MAX_SUBDIVISIONS)
+            return reached
+        state, slope = self.base.state.copy(), self.slope.copy()
+        found.hold(self.workspace)
+        solved = self._solve_only(step, 0.5 * h)
+        sides, within = found.sides(self.workspace), found.distances(self.workspace)
+        if solved:
+            self._return_to(state, step)
+            found.hold(self.workspace, sides)
+            self._take(step, h, 1.0, MAX_SUBDIVISIONS)
+            reached, passed = found.reached(self.workspace, within, sides, step.near)
+            if found.jumps[passed].any():
+                self.jumped = min(self.jumped, float(self.workspace.state.time[0]))
+        if not solved or passed.size:  # the motion slides, or the run did not divide its step
+            self._return_to(state, step)
+            self.slope[:] = slope
+            found.hold(self.workspace)
+            self._take(step, h, 1.0, MAX_SUBDIVISIONS)
+            return -1
+        return reached
+
+    def _move_end(
+        self, switch: int, step: Step, begin: tuple[np.ndarray, np.ndarray]
+    ) -> np.ndarray:
+        """Take a step from its ``begin`` again, state and derivatives, such that its end moves with
+        the time of the jump of a ``switch``; return by how much.
+        """
+        found, own = self.switches, self.size_slope.copy()
+        assert found
+        held = self.workspace.state.held.copy()
+        self.before[:] = self.base.state
+        by_parameters = found.slopes(
+            switch, self.workspace, self.member, self.tangents[step.degree]
+        )
+        d, g = NEARBY * step.size, []
+        for k in range(3):
+            self._return_to(begin[0], step, held)
+            if not self._solve_only(step, step.size + k * d):
+                raise NotDifferentiable(_NO_RATE.format(float(self.workspace.state.time[0])))
+            g.append(found.values(self.workspace)[found.margin[switch]])
+        rate = (4.0 * g[1] - 3.0 * g[0] - g[2]) / (2.0 * d)
+        moved = -by_parameters / rate if rate != 0.0 else np.zeros_like(own)
+        self._return_to(begin[0], step, held)
+        self.slope[:] = begin[1]
+        self.size_slope[:] = own + moved
+        self._take(step._replace(rows=(), shares=()), step.size, 1.0, MAX_SUBDIVISIONS)
+        return moved
+
+    def _return_to(self, state: np.ndarray, step: Step, held: np.ndarray | None = None) -> None:
+        """Bring the base back to a ``state`` at the start of a ``step``."""
+        self.base.state[:] = state
+        if held is not None:
+            self.workspace.state.held[:] = held
+        evaluate.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
+        if step.degree:
+            collocation_newton.reset_prediction(self.pairs[step.degree].base)
+
+    def _solve_only(self, step: Step, h: float) -> bool:
+        """Take a step ``h`` without differentiating it; return whether it could be solved."""
+        if step.degree:
+            base = self.pairs[step.degree].base
+            return bool(_take_steps(base, h, 0, 1, NO_ROWS, NO_SHARES) == 1)
+        return Outcome(*_take_step(self.workspace, h, h / step.size)).converged
 
     def margin(self) -> tuple[float, np.ndarray]:
         """Return the margin of the conditions that end the run at its end, and its derivatives."""

@@ -6,21 +6,28 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.events.margins import AT_ENDS
 from msahl.run.companion import Steps
 from msahl.schemes.output_schedule import OutputSchedule
 
+MERGED = 1e-3
+"""Fraction of a margin's change by which merged steps may miss its level, by their errors."""
 SAME_SIZE = 1e-6
 """Relative difference of the sizes of two steps that count as equal."""
 
 
 class Step(NamedTuple):
     """A step of ``size`` [s], by polynomials of a ``degree`` (0 of order 2), with the numbers of
-    the output ``rows`` in it and their times as fractions of the step, ``shares``."""
+    the output ``rows`` in it and their times as fractions of the step, ``shares``; ``is_part`` of a
+    step that is divided at its end. A margin at its end is at a level if it is ``near``, a fraction
+    of its change."""
 
     size: float
     degree: int
     rows: tuple[int, ...]
     shares: tuple[float, ...]
+    is_part: bool = False
+    near: float = AT_ENDS
 
 
 @dataclass
@@ -46,7 +53,8 @@ class StepRecord:
             for end in (*steps.parts.get(k, ()), 1.0):
                 kept, h = (share > begin) & (share <= end), end - begin
                 shares = tuple(((share[kept] - begin) / h).tolist())
-                self.steps.append(Step(float(size) * h, degree, tuple(rows[kept].tolist()), shares))
+                own = tuple(rows[kept].tolist())
+                self.steps.append(Step(float(size) * h, degree, own, shares, end < 1.0))
                 begin = end
         self.times += times.tolist()
 
@@ -61,6 +69,12 @@ def of_rows(steps: Sequence[Step], wanted: set[int]) -> list[Step]:
     return found
 
 
+def after(step: Step, share: float) -> Step:
+    """Return the rest of a ``step`` after a ``share`` of it that has no rows."""
+    shares = tuple((s - share) / (1.0 - share) for s in step.shares)
+    return step._replace(size=(1.0 - share) * step.size, shares=shares)
+
+
 def merged(steps: Sequence[Step]) -> list[Step]:
     """Return steps of twice the size, where two of equal size and degree follow each other; of
     order 2 they have the rows at their ends only.
@@ -70,11 +84,11 @@ def merged(steps: Sequence[Step]) -> list[Step]:
     while k < len(steps):
         pair = steps[k : k + 2]
         same = len(pair) == 2 and abs(pair[1].size - pair[0].size) <= SAME_SIZE * pair[0].size
-        if same and pair[0].degree == pair[1].degree:
+        if same and pair[0].degree == pair[1].degree and not pair[0].is_part:
             found.append(_merged(*pair))
             k += 2
         else:
-            found.append(pair[0])
+            found.append(pair[0]._replace(near=MERGED))
             k += 1
     return found
 
@@ -85,4 +99,4 @@ def _merged(first: Step, second: Step) -> Step:
     if not first.degree:
         kept = [k for k, share in enumerate(shares) if share == 1.0]
         rows, shares = tuple(rows[k] for k in kept), tuple(shares[k] for k in kept)
-    return Step(first.size + second.size, first.degree, rows, shares)
+    return Step(first.size + second.size, first.degree, rows, shares, second.is_part, MERGED)

@@ -60,7 +60,8 @@ class TableGradients:
     ``end`` (n,) are the derivatives of the end of the run [s]; ``sizes`` (steps, n) the largest
     change of a position, over the longest length of a frame, or of an orientation [rad]; ``left``
     (n,) the largest relative correction that was left in a step; ``not_unique`` the columns of
-    reactions that redundant joints leave undetermined.
+    reactions that redundant joints leave undetermined; ``jumped`` the time [s] until which the
+    derivatives follow the jumps of expressions.
     """
 
     rows: dict[str, np.ndarray] = field(default_factory=dict)
@@ -69,6 +70,7 @@ class TableGradients:
     sizes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     left: np.ndarray = field(default_factory=lambda: np.zeros(0))
     not_unique: frozenset[str] = frozenset()
+    jumped: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,7 @@ class TangentModel:
         for part in parts:
             part.release(0.0)
         gradients = found.gradients(runs, free)
+        gradients.jumped = min(run.jumped for run in runs)
         gradients.not_unique = frozenset(
             f"{joint}.{column}"
             for part in parts
