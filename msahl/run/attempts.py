@@ -32,6 +32,12 @@ MOST_RUNS = 4
 HELPS = 0.5
 """A further run whose error is above this fraction of the previous one shows that smaller steps do
 not help: the motion amplifies round-off."""
+FEW = 100
+"""Steps in which no motion amplifies round-off to an error that matters."""
+BOLDER = 0.01
+"""Further factor of the local tolerance where a run took the same steps as the one before: local
+errors that do not see what is wrong, such as a state between its steps, say little of how small it
+must be."""
 FINEST = 1e-14
 """Smallest local tolerance, relative to the size of the model."""
 KNOWN_SHARE = 0.1
@@ -79,13 +85,23 @@ class Attempts:
         if over <= 1.0:
             return False
         helps = len(self.made) < 2 or over <= HELPS * self.made[-2]["overTolerance"]
-        if not helps or len(self.made) == MOST_RUNS or self.local <= finest:
+        helps = helps or self.made[-1]["steps"] < FEW
+        again = self._took_the_same_steps()
+        if not (helps or again) or self._finer_runs() == MOST_RUNS or self.local <= finest:
             return False
-        self.local = max(AIM * self.local / over, finest)
+        self.local = max(AIM * self.local / over * (BOLDER if again else 1.0), finest)
         # At half the step the error is 2^-order of itself.
         good = over * 0.5**self.order <= KNOWN_SHARE
         self.earlier = estimate.as_earlier_run() if good and estimate.kept is not None else None
         return True
+
+    def _took_the_same_steps(self) -> bool:
+        """Whether the last run is that before it, which says nothing of smaller steps."""
+        return len(self.made) > 1 and self.made[-1]["steps"] == self.made[-2]["steps"]
+
+    def _finer_runs(self) -> int:
+        """Number of runs, those of the same steps counted once."""
+        return len({made["steps"] for made in self.made})
 
     def numbers(self) -> dict[str, Any]:
         """For a snapshot, what JSON can hold."""

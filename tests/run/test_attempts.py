@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msahl.model import Simulation, resolve
-from msahl.run.attempts import AIM, FINEST, MOST_RUNS, Attempts
+from msahl.run.attempts import AIM, BOLDER, FINEST, MOST_RUNS, Attempts
 from msahl.run.companion import EarlierRun, Rows
 
 GOAL = 1e-6
@@ -26,9 +26,10 @@ def estimate(error, kept=None):
     )
 
 
-def made(attempts, error):
-    """The attempts with one more run, of an error."""
-    numbers = {"steps": 10, "error": error, "overTolerance": error / GOAL}
+def made(attempts, error, steps=None):
+    """The attempts with one more run, of an error; of ``steps``, or one more than the last."""
+    steps = steps or 1000 + len(attempts.made)
+    numbers = {"steps": steps, "error": error, "overTolerance": error / GOAL}
     attempts.made.append({"localTolerance": attempts.local, **numbers})
     return attempts
 
@@ -51,10 +52,26 @@ def test_the_next_run_aims_at_a_share_of_the_tolerance_in_proportion():
 def test_no_further_run_is_made_where_smaller_steps_do_not_help():
     attempts = made(made(first_attempt(), 4.0 * GOAL), 3.0 * GOAL)
     assert not attempts.prepare_next(estimate(3.0 * GOAL), 1.0)
+    # In so few steps it is the steps.
+    attempts = made(made(first_attempt(), 4.0 * GOAL, 8), 5.0 * GOAL, 18)
+    assert attempts.prepare_next(estimate(5.0 * GOAL), 1.0)
     attempts = first_attempt()
     for k in range(MOST_RUNS):
         made(attempts, 100.0 * GOAL * 0.1**k)
     assert not attempts.prepare_next(estimate(2.0 * GOAL), 1.0)
+
+
+def test_a_run_of_the_same_steps_does_not_say_that_smaller_ones_do_not_help():
+    attempts = made(made(first_attempt(), 4.0 * GOAL, 500), 4.0 * GOAL, 500)
+    before = attempts.local
+    assert attempts.prepare_next(estimate(4.0 * GOAL), 1.0)
+    assert attempts.local == pytest.approx(AIM * BOLDER * before / 4.0)
+    # However often; it ends where steps cannot be controlled more finely.
+    for _ in range(MOST_RUNS):
+        made(attempts, 4.0 * GOAL, 500)
+    assert attempts.prepare_next(estimate(4.0 * GOAL), 1.0)
+    attempts.local = FINEST
+    assert not attempts.prepare_next(estimate(4.0 * GOAL), 1.0)
 
 
 def test_an_accurate_companion_judges_the_next_run_too_and_survives_a_snapshot():

@@ -129,7 +129,12 @@ def test_the_page_reports_what_is_outside(tools):
         cell_of(error, scheme="gauss1", **{f"{q}_estimate": None for q in error.QUANTITIES}),
         cell_of(error, scheme="gauss2", status="not converged", **nothing),
         cell_of(error, **local, seconds=0.25),
-        cell_of(error, **(local | {"kind": "global", "seconds": 0.5, "position": 3e-7})),
+        cell_of(
+            error,
+            **(local | {"kind": "global", "seconds": 0.5, "position": 3e-7}),
+            orientation=9e-7,
+            orientation_estimate=2e-6,
+        ),
     ]
     told = dict(page.summary(cells))
     # Position and orientation of 1, 2, the global run; of the third the orientation alone.

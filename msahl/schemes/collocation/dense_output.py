@@ -350,10 +350,12 @@ def set_basis_weights(output: DenseOutput, level: int, tau: float) -> None:
 
 @kernel
 def _sum(curve: np.ndarray, weights: np.ndarray, node: int) -> Vector:
-    """Sum of the conditions of a node, times the ``weights``."""
+    """Sum of the conditions of a node, times the ``weights``. Conditions without one may be what a
+    step that could not be solved has left, nan."""
     total = ZERO
     for i in range(weights.size):
-        total = axpy(weights[i], at(curve[i], node), total)
+        if weights[i] != 0.0:
+            total = axpy(weights[i], at(curve[i], node), total)
     return total
 
 

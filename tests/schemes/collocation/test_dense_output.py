@@ -135,3 +135,11 @@ def test_the_lowest_order_has_rows_at_whole_number_steps():
     (fault,) = check_simulation(replace(odd, scheme="gauss", output_interval=1e-6))
     assert "more than 1000 output times" in fault
     assert TimeGrid.of_output(replace(odd, t_final=1.0)).n == 20
+
+
+def test_a_step_that_cannot_be_solved_leaves_nothing_in_the_dense_output():
+    """Conditions of the levels above the present one have no weight, and may be nan: an oscillator
+    of van der Pol ended where a longer step had been tried."""
+    curve, weights = np.ones((3, 2, 3)), np.array([2.0, 0.0, 1.0])
+    curve[1] = np.nan
+    assert dense_output._sum(curve, weights, 1) == (3.0, 3.0, 3.0)
