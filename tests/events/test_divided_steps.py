@@ -124,7 +124,7 @@ def test_given_steps_carry_the_impulse_of_a_motion_whose_speed_jumps(scheme):
     run = simulate(model, dt=dt, scheme=scheme, solver="newton")
     late = speed * np.sin(RATE * (end - stop)) - speed * np.sin(RATE * end)
     off = abs(run.states[-1, 15] - (speed * stop + late / RATE))
-    # Two oscillations of 0.06 m, whose phase is w t (w dt)^2 / 12 late by the midpoint rule; as much
+    # Two oscillations of 0.06 m, late by the phase w t (w dt)^2 / 12 by the midpoint rule; as much
     # again for the corner within a step.
     late_by = RATE * end * (RATE * dt) ** 2 / 12.0
     assert off < min(2.0 * 0.12 * late_by, 3.0 * run.report.error["position"])
