@@ -79,6 +79,8 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
             unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
         ]
         estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
+    if estimate and (unexplained := estimate.taken_at_any_step(setup.integrators)) is not None:
+        extremes["energyTakenAtAnyStep"] = unexplained
     if estimate:
         energy = max(record.extremes.size, record.extremes.scale)
         by_time = record.length / report.time if report.time > 0.0 else 0.0

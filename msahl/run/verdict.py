@@ -33,9 +33,10 @@ large, but the run may be good."""
 ERROR, ERROR_FAIL = 0.01, 0.3
 """Global error of positions and orientations relative to the size of the model (its longest body,
 or its largest displacement if larger) that warns, if the deck sets no limit, and fails."""
-TAKEN = 0.01
+TAKEN, TAKEN_FAIL = 0.01, 0.1
 """Fraction of the largest kinetic energy that a scheme of higher order may take from motions that
-it resolves. A vibration loses twice the fraction of its amplitude, which is then its error."""
+it resolves. A vibration loses twice the fraction of its amplitude, which is then its error. Of a
+loss that does not depend on the step, ten times that fails."""
 OSCILLATING = 2.0
 """Ratio of a step's displacement at the highest speed to the largest displacement since t = 0 above
 which the motion oscillates within one step: it then passes a third of a cycle in one."""
@@ -190,6 +191,13 @@ def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
     text = f"{kept}{only} to {error / kinetic:.1e} of the largest kinetic energy"
     taken = figures.extremes.get("energyTaken")
     more = f"; the scheme took {taken / kinetic:.1e} of it" if taken else ""
+    lost = (figures.extremes.get("energyTakenAtAnyStep") or 0.0) / kinetic
+    if lost > TAKEN:
+        word = max(word, grade(lost, TAKEN, TAKEN_FAIL), key=WORDS.index)
+        more += (
+            f", in the second half of the run {lost:.1e} at half the step as well: the energies or "
+            "works are not those of the motion; try --scheme preserving, whose balance shows it"
+        )
     yield Finding("energy", word, f"{text}{more}")
 
 
@@ -401,14 +409,20 @@ def _advice(figures: Figures, error: float, limit: float) -> str:
     )
     if figures.tolerance is not None or figures.local_tolerance is not None:
         return good
-    enough = figures.dt * (0.5 * limit / error) ** (1.0 / figures.order)
+    enough = _shorter(figures.dt, (0.5 * limit / error) ** (1.0 / figures.order))
     rotation = figures.extreme("rotationPerStepMax")
     exponential = (
         f" (bodies rotate {rotation:.2g} rad per step), --rotation-update exponential"
         if figures.by_cayley and rotation > LARGE_ROTATION
         else ""
     )
-    return f"{good}; try --dt {enough:.1g}{exponential} or --scheme auto --tolerance {limit:.0e}"
+    return f"{good}; try --dt {enough}{exponential} or --scheme auto --tolerance {limit:.0e}"
+
+
+def _shorter(dt: float, factor: float) -> str:
+    """``factor`` times the step size ``dt``, in as many digits as show that it is shorter."""
+    text = f"{factor * dt:.1g}"
+    return text if float(text) < dt else f"{factor * dt:.2g}"
 
 
 def _unresolved(figures: Figures) -> str:
@@ -494,8 +508,8 @@ def _local_errors(figures: Figures) -> Finding:
         return Finding("accuracy", word, f"{text} (local tolerance: {tolerance:g} m)")
     if total <= ERROR * figures.size:
         return Finding("accuracy", DONE, text)
-    enough = figures.dt * (ERROR * figures.size / total) ** 0.5
-    advice = f"try --dt {enough:.1g}, or --error estimate to estimate the global error"
+    enough = _shorter(figures.dt, (ERROR * figures.size / total) ** 0.5)
+    advice = f"try --dt {enough}, or --error estimate to estimate the global error"
     return Finding("accuracy", WARN, f"{text}, in a model of size {figures.size:.1e} m; {advice}")
 
 
