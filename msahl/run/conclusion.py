@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from msahl.model.settings import OFF
-from msahl.run.messages import angles_uncertain, slides
+from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
@@ -119,6 +119,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         non_unique_reactions=report.non_unique_reactions,
         error=report.error,
         horizon=_horizon(setup),
+        jumping=jumping_by_reactions(setup.integrators),
     )
 
 
