@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -28,7 +27,7 @@ from msahl.deck import ParsedDeck, Source, listed_parameters
 from msahl.deck.overrides import STOP_WHEN
 from msahl.model import Model as Records
 from msahl.results.job import Job, make_job
-from msahl.run.options import Choice, OptionError, checked_options
+from msahl.run.options import Choice, OptionError, checked_options, path_of
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
@@ -54,8 +53,11 @@ def load(
     ``parameters`` get other values, as by ``Model.with_``. Raises ``DeckError`` with every fault
     found.
     """
-    parsed = ParsedDeck(Source.of(deck))
-    return Model(parsed, parameters)
+    try:
+        source = Source.of(deck)
+    except TypeError as error:
+        raise OptionError([str(error)]) from None
+    return Model(ParsedDeck(source), parameters)
 
 
 class Model:
@@ -297,7 +299,7 @@ class Model:
     def write(self, path: "str | PathLike[str]") -> None:
         """Write the deck to a file: of a model of records, one that is read back to equal
         records."""
-        Path(path).write_bytes(self.xml)
+        path_of(path).write_bytes(self.xml)
 
     @property
     def parameters(self) -> dict[str, dict[str, Any]]:

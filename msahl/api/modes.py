@@ -28,7 +28,7 @@ from msahl.analysis.modes.solution import modes as modes_at
 from msahl.api.arguments import require
 from msahl.api.html import html_table
 from msahl.model import Model as Records
-from msahl.run.options import Integer
+from msahl.run.options import Integer, path_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,7 +69,7 @@ class Modes:
 
     def write(self, folder: str | PathLike[str]) -> Path:
         """Write ``modes.csv`` and ``shapes.csv``, as ``msahl modes -o`` does; return the folder."""
-        path = Path(folder)
+        path = path_of(folder)
         write_modes(path, self._point, self._found)
         return path
 
@@ -81,7 +81,7 @@ class Modes:
         from msahl.post.view.modes import show_modes
         from msahl.results.write import replace_file
 
-        file = Path(path)
+        file = path_of(path)
         page = viewer_page([show_modes(self._point, self._found, file)])
         file.parent.mkdir(parents=True, exist_ok=True)
         replace_file(file, page.encode())
@@ -132,7 +132,7 @@ class ModesOver:
         """Write the files of ``msahl modes --over -o``, which ``msahl-post modes`` draws; return
         the folder.
         """
-        path = Path(folder)
+        path = path_of(folder)
         write_campbell(path, self._found, self._over, self._title)
         return path
 

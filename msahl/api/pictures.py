@@ -6,11 +6,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msahl.api.arguments import require
 from msahl.post.draw import encode, save, style
-from msahl.post.figures import figures
+from msahl.post.figures import GRAPHS, SPATIAL, figures
 from msahl.post.metrics import compute_metrics
-from msahl.post.run_graphs import Choice
+from msahl.post.run_graphs import Choice as Drawn
 from msahl.results.read import Run
+from msahl.run.options import Choice, path_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,8 +23,9 @@ class Pictures(dict[str, "Figure"]):
 
     def save(self, folder: str | PathLike[str], form: str = "png") -> list[Path]:
         """Write every picture to ``folder`` as "png" or "svg"; return the paths."""
+        require(form=(form, Choice(("png", "svg"))))
         with style():
-            return save(self.items(), (form,), Path(folder))
+            return save(self.items(), (form,), path_of(folder))
 
     def _repr_html_(self) -> str:
         """Return the pictures for a notebook."""
@@ -35,5 +38,8 @@ def draw(
     run: Run, kinds: Sequence[str], plane: str, bodies: tuple[str, ...], joints: tuple[str, ...]
 ) -> Pictures:
     """Draw a run: the ``kinds`` of pictures, or all for which it has data."""
+    known = Choice((*SPATIAL, *GRAPHS))
+    for kind in kinds:
+        require(kind=(kind, known))
     with style():
-        return Pictures(figures(run, compute_metrics(run), Choice(plane, bodies, joints), kinds))
+        return Pictures(figures(run, compute_metrics(run), Drawn(plane, bodies, joints), kinds))

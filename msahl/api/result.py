@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msahl.api.arguments import Names, require
 from msahl.api.html import html_table
 from msahl.model import Model as Records
 from msahl.printable import shown_path
@@ -16,7 +17,7 @@ from msahl.results.info import NoColumnError, ResultError
 from msahl.results.job import Job
 from msahl.results.session import write_run
 from msahl.results.write import DECK
-from msahl.run.options import recorded_options
+from msahl.run.options import path_of, recorded_options
 from msahl.run.report import COMPLETED, Report
 from msahl.run.tables import (
     ACCELERATIONS,
@@ -219,7 +220,7 @@ class Result:
                 f"the batch did not keep {', '.join(self.omitted)}, so the files would not be "
                 "those of a run; omit tables=, or write frame(name)"
             )
-        folder, origin = Path(folder), self._origin
+        folder, origin = path_of(folder), self._origin
         if isinstance(origin, Job):
             path, text, about = origin.source.path, origin.text, origin.about(folder)
         else:
@@ -245,6 +246,7 @@ class Result:
         """
         from msahl.api.pictures import draw
 
+        require(bodies=(bodies, Names()), joints=(joints, Names()))
         return draw(self.as_run(), kinds, plane, tuple(bodies), tuple(joints))
 
     def as_run(self) -> "Run":
@@ -292,7 +294,7 @@ def read(folder: str | PathLike[str]) -> Result:
     from msahl.results.read import read_run
 
     try:
-        run = read_run(Path(folder))
+        run = read_run(path_of(folder))
     except OSError as error:
         raise ResultError(f"{shown_path(folder)}: {error.strerror or error}") from error
     found = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}

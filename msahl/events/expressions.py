@@ -65,6 +65,23 @@ def places_in_motion(signals: Signals) -> Iterator[Place]:
         yield from (one for one in found if moving[one.place] and not held[one.place])
 
 
+def used_switches(signals: Signals) -> list[tuple[int, bool]]:
+    """Return the switches that the motion depends on, each with whether it depends on joints'
+    reactions, so that it changes from one step to the next and not within one.
+    """
+    tape = signals.tape
+    late = dependent(tape, _inputs(signals)[2])
+    used = [int(tape.c[i]) for i in operations_of_motion(signals) if tape.op[i] == HELD]
+    return [(k, bool(late[tape.switches.margin[k]])) for k in used]
+
+
+def jumps_by_reactions(signals: Signals | None) -> list[int]:
+    """Return the switches that depend on joints' reactions and at which an expression may jump."""
+    if signals is None:
+        return []
+    return [k for k, late in used_switches(signals) if late and signals.tape.switches.jumps[k]]
+
+
 def known_to(signals: Signals | None, end: float) -> KnownTimes | None:
     """Return what expressions of the time alone change until ``end`` [s]; None without these."""
     if signals is None:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from msahl.model.settings import OFF
-from msahl.run.messages import angles_uncertain, slides
+from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
@@ -79,6 +79,8 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
             unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
         ]
         estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
+    if estimate and (unexplained := estimate.taken_at_any_step(setup.integrators)) is not None:
+        extremes["energyTakenAtAnyStep"] = unexplained
     if estimate:
         energy = max(record.extremes.size, record.extremes.scale)
         by_time = record.length / report.time if report.time > 0.0 else 0.0
@@ -117,6 +119,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         non_unique_reactions=report.non_unique_reactions,
         error=report.error,
         horizon=_horizon(setup),
+        jumping=jumping_by_reactions(setup.integrators),
     )
 
 

@@ -30,7 +30,7 @@ in body axes, joint forces [N] and moments [N m], loads of couplings and prescri
 signals, auxiliary states and loads of actuators, each by itself (``signal_errors``).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from sys import float_info
 from typing import Any
 
@@ -60,13 +60,19 @@ ROUND_OFF = 4.0 * float_info.epsilon
 """Smallest relative error of the largest coordinate that an estimate may have."""
 OSCILLATING = 2.0
 """Ratio of a step's displacement at the highest speed to the largest displacement since t = 0 above
-which the motion oscillates within one step: it then passes a third of a cycle or more in one."""
+which the motion oscillates within one step: it then passes a third of a cycle or more in one. A
+gauss or radau scheme of degree s resolves s times that in a step and half of it in a half step, so
+the comparison shows its error up to there."""
 LOST_ALIKE = 0.75
 """Fraction of the run's energy loss that the companion loses as well if it is the energy of
 vibrations that neither resolves. Of resolved motions it is a half at most, up to higher orders."""
 REVERSED = 0.02
 """Fraction of a body's highest speed so far above which an error of its velocity may be a vibration
 that the steps reverse. Errors of resolved motions are smaller, or appear in the positions."""
+SAME_LOSS = 0.1
+"""Largest relative difference of the energies that radau takes at both step sizes, in either half
+of the run, if the loss does not depend on the step. That of motions which the steps resolve does,
+and vibrations that they do not resolve are gone after a few steps."""
 ENERGY_ROUND_OFF = 1e3 * float_info.epsilon
 """Sum of the rounding errors of a run's energies, relative to the largest energy."""
 STATE_FIGURES = ("position", "orientation", "velocity", "angularVelocity")
@@ -105,6 +111,11 @@ class ErrorEstimate:
         if not isinstance(companion, EarlierRun) and not settings.adaptive:
             unseen = unseen_motion(model, max(float(one.max()) for one in self.lengths))
             self.largest["position"] = SAFETY * unseen
+        self.oscillating = OSCILLATING * max(settings.degree, 1)
+        # Energies that radau has taken in the run and in its companion, up to half of its time [J].
+        self.half, self.taken_by_half = 0.5 * settings.t_final, np.zeros(2)
+        radau = settings.dissipative and settings.degree > 0
+        self.takes = radau and isinstance(companion, HalfStepCompanion)
         self.kept: list[list[Rows]] | None = None  # chunks of rows of all subsystems
         for integrator in companion.integrators:
             integrator.show_start()
@@ -141,6 +152,8 @@ class ErrorEstimate:
         if others is None or not all(np.isfinite(rows.states).all() for rows in others):
             self.stopped = True
             return NO_ERRORS
+        if self.takes:
+            self._note_taken(integrators, times)
         own = [first_rows(integrator, len(times)) for integrator in integrators]
         return self.compare(own, others, times, np.repeat(steps.sizes, np.diff(schedule.due)))
 
@@ -224,12 +237,35 @@ class ErrorEstimate:
             amplitude = 0.5 * displacement * (hidden / kinetic) ** 0.5
             self.largest["position"] = max(self.largest["position"], amplitude)
 
+    def _note_taken(self, integrators: Sequence[SubsystemIntegrator], times: np.ndarray) -> None:
+        """Note what the scheme has taken up to the last of the ``times`` in the first half."""
+        last = int(np.searchsorted(times, self.half, side="right")) - 1
+        if last >= 0:
+            self.taken_by_half = _taken(
+                [one.workspace.tables.work[last] for one in group]
+                for group in (integrators, self.companion.integrators)
+            )
+
+    def taken_at_any_step(self, integrators: Sequence[SubsystemIntegrator]) -> float | None:
+        """Energy [J] that radau took in the second half of the run and that no smaller step keeps:
+        energies or works are not those of the motion then. None where it is not known.
+        """
+        if not self.takes or self.stopped:
+            return None
+        total = _taken(
+            [one.workspace.state.work for one in group]
+            for group in (integrators, self.companion.integrators)
+        )
+        losses = np.stack([self.taken_by_half, total - self.taken_by_half])
+        alike = np.abs(np.diff(losses, axis=1)[:, 0]) <= SAME_LOSS * losses[:, 0]
+        return float(losses[1, 1]) if alike.all() else 0.0
+
     def add_unresolved(self, displacement: float, farthest: float, unseen: float) -> None:
         """Add that a body's velocity moves it by at least ``displacement`` [m] in a step, while it
         never was more than ``farthest`` [m] from its position at t = 0; and the ``unseen`` error
         [m] of a velocity that is wrong all the time.
         """
-        amplitude = displacement / np.pi if displacement > OSCILLATING * farthest else 0.0
+        amplitude = displacement / np.pi if displacement > self.oscillating * farthest else 0.0
         self.largest["position"] = max(self.largest["position"], amplitude, unseen)
         if self.history.until > 0.0:
             self.largest["velocity"] = max(self.largest["velocity"], unseen / self.history.until)
@@ -275,6 +311,7 @@ class ErrorEstimate:
             "speeds": [speeds.tolist() for speeds in self.speeds],
             "stopped": self.stopped,
             "sizes": dict(self.sizes),
+            "takenByHalf": self.taken_by_half.tolist(),
             "signals": self.signals.numbers(),
         }
 
@@ -284,6 +321,7 @@ class ErrorEstimate:
         self.history.restore(numbers)
         self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
         self.sizes = dict(numbers["sizes"])
+        self.taken_by_half = np.array(numbers["takenByHalf"])
         self.signals.restore(numbers["signals"])
         self.kept = None  # the rows before are missing
 
@@ -306,6 +344,11 @@ class ErrorEstimate:
         until, complete = self.history.until, not self.stopped
         end = {"companion": self.companion.name, "until": until, "complete": complete}
         return {**shown, **accuracy, **end}
+
+
+def _taken(works: Iterable[Sequence[np.ndarray]]) -> np.ndarray:
+    """Energies [J] that the scheme took, of the ``works`` of the subsystems of several runs."""
+    return np.array([-sum(float(work[-1]) for work in run) for run in works])
 
 
 def _reaction_kinds(model: Model) -> dict[str, np.ndarray]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msahl.events.expressions import jumps_by_reactions
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.common.criteria import FAR
 from msahl.schemes.outcome import TOLERANCE, Outcome
@@ -91,6 +92,17 @@ def slides(integrator: SubsystemIntegrator, ends_run: bool) -> str | None:
         f"sides of it the expression drives the motion back to the other one; {effect}. Give the "
         "jump a width, such as tanh(x/w) for sign(x); for dry friction use <friction>."
     )
+
+
+def jumping_by_reactions(integrators: Sequence[SubsystemIntegrator]) -> list[str]:
+    """What has expressions that may jump by reactions of joints."""
+    names = {
+        name: None
+        for one in integrators
+        for switch in jumps_by_reactions(one.workspace.system.forces.signals)
+        for name in names_of_users(one.model, one.workspace.system, switch)
+    }
+    return list(names)
 
 
 def describe_equation(integrator: SubsystemIntegrator, row: int) -> str:

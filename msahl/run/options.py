@@ -8,8 +8,11 @@ and a field of the same name to ``Simulation`` or ``Options`` and to ``RunSettin
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
+from os import fspath
+from pathlib import Path
 from typing import Any
 
 from msahl.check import check_simulation
@@ -246,6 +249,15 @@ def checked_options(given: Mapping[str, Any]) -> dict[str, Any]:
     if faults:
         raise OptionError(faults)
     return values
+
+
+def path_of(value: Any) -> Path:
+    """Return the path that ``value`` is; raises ``OptionError`` if it can be none."""
+    with suppress(TypeError):
+        given = fspath(value)
+        if isinstance(given, str) and given and "\0" not in given:
+            return Path(given)
+    raise OptionError([f"{value!r:.200} is not a path; give a text or a Path"])
 
 
 def accepted(kind: Number | Integer | Choice | Flag, value: Any) -> tuple[Any, str]:

@@ -218,5 +218,5 @@ def test_a_run_without_frames_or_pictures_imports_neither_pandas_nor_matplotlib(
 
 
 def test_anything_but_a_deck_is_refused():
-    with pytest.raises(TypeError, match="a path, a text, bytes or its root element, not int"):
+    with pytest.raises(msahl.OptionError, match="bytes or its root element, not int"):
         msahl.load(5)

@@ -13,6 +13,7 @@ OURS = (
     msahl.BatchError, msahl.DeckError, msahl.GradientError, msahl.InverseError, msahl.ModelError,
     msahl.OptionError, msahl.ResultError, msahl.StartError,
 )  # fmt: skip
+ROD = DECKS / "basics" / "parameters.xml"
 BRIEF = {"dt": 0.1, "t_final": 0.2, "error": "off"}
 MEASURE = "Rod.x final"
 HUGE = 10**400
@@ -20,6 +21,7 @@ NO_NUMBERS = ("x", "", "\0", b"x", [], {}, object(), [math.nan], np.array([1.0, 
 NOT_FINITE = (math.nan, math.inf, -math.inf, HUGE)
 NO_TEXTS = (None, 3, 1.5, [1], {"x": 1}, b"x", object(), np.array([1.0, 2.0]))
 NO_VECTORS = (None, 3, "x", [], [1], [1, 2, "x"], [math.nan] * 3, [HUGE] * 3, {}, object())
+NO_PATHS = (None, 3, 1.5, [], {}, object(), "\0")
 NO_MOTIONS = (None, 3, b"x", [], [1], {}, {"x": 1}, object(), {"time": "x"}, {"time": [[1]]},
               {"time": [0, 1], "Hinge.angle": [1]}, {"time": [HUGE]}, "nowhere.csv")  # fmt: skip
 WRONG = {
@@ -73,7 +75,20 @@ WRONG = {
     "result.columns": (None, 3, "x", []),
     "equilibrium[]": (None, 3, "x", (1,)),
     "equilibrium.frame": (None, 3, "x", []),
-    "read": ("nowhere", "\0", "x" * 300),
+    "read": ("nowhere", "x" * 300, *NO_PATHS),
+    "load": ("nowhere.xml", "<data>", b"\0", "x" * 300, *NO_PATHS),
+    "load L": (None, *NO_NUMBERS, *NOT_FINITE, True),
+    "model.write": NO_PATHS,
+    "result.write": NO_PATHS,
+    "result.plot": (None, 3, "x", [], b"x"),
+    "plot.save": NO_PATHS,
+    "plot.save form": (None, 3, "x", []),
+    "modes.write": NO_PATHS,
+    "modes.page": NO_PATHS,
+    "modes_over.write": NO_PATHS,
+    "linearize.save": NO_PATHS,
+    "kinematics t_final": (*NO_NUMBERS, *NOT_FINITE, -1, 0),
+    "inverse companion": NO_MOTIONS[1:],
     "batch model": (None, 3, "x", []),
     "batch samples": (None, 3, "x", b"x", {"L": 1}, [3], ["x"], [{1: 2}], [{"x": 1}], [{"L": "x"}]),
     "batch jobs": (*NO_NUMBERS, *NOT_FINITE, -1, 0, 1.5, True),
@@ -86,12 +101,12 @@ WRONG = {
 @pytest.fixture(scope="module")
 def calls():
     """Each argument's call, by the names of ``WRONG``."""
-    rod = msahl.load(DECKS / "basics" / "parameters.xml")
+    rod = msahl.load(ROD)
     crank = msahl.load(DECKS / "mechanisms" / "slider_crank.xml")
     result = rod.run(dt=0.05, t_final=0.5, error="off")
     modes, rest = rod.modes(), rod.equilibrium()
     slopes = rod.gradient(MEASURE, "L", **BRIEF)
-    angle = ["Hinge.angle"]
+    over, linear, angle = rod.modes_over("L", [60, 70]), rod.linearize(), ["Hinge.angle"]
 
     def batch(model=rod, samples=({},), **more):
         return list(msahl.batch(model, samples, **{"jobs": 1, **BRIEF, **more}))
@@ -136,6 +151,19 @@ def calls():
         "equilibrium[]": lambda v: rest[v],
         "equilibrium.frame": rest.frame,
         "read": msahl.read,
+        "load": msahl.load,
+        "load L": lambda v: msahl.load(ROD, L=v),
+        "model.write": rod.write,
+        "result.write": result.write,
+        "result.plot": result.plot,
+        "plot.save": lambda v: result.plot("energy").save(v),
+        "plot.save form": lambda v: result.plot("energy").save("folder", v),
+        "modes.write": modes.write,
+        "modes.page": modes.page,
+        "modes_over.write": over.write,
+        "linearize.save": linear.save,
+        "kinematics t_final": lambda v: crank.kinematics(0.1, v),
+        "inverse companion": lambda v: rod.inverse(result, angle, companion=v),
         "batch model": lambda v: batch(v),
         "batch samples": lambda v: batch(samples=v),
         "batch jobs": lambda v: batch(jobs=v),

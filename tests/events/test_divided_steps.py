@@ -10,7 +10,7 @@ import msahl.schemes.midpoint.stepper
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
 from msahl.events.margins import build_margins
-from msahl.model import Joint, Options
+from msahl.model import Joint, JointMotion, Options
 from msahl.model.loads import JointSpring
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
@@ -106,6 +106,28 @@ def test_steps_of_order_2_end_at_events(scheme, monkeypatch):
         energy = 0.5 * MASS * run.states[:, 9] ** 2 + run.work[:, 1:].sum(axis=1)
         # Machine epsilons of the energy, in 25 steps of some five iterations.
         assert energy == pytest.approx(energy[0], rel=1e-13)
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "decaying", "gauss2", "gauss3", "radau2"])
+def test_given_steps_carry_the_impulse_of_a_motion_whose_speed_jumps(scheme):
+    """A body on a spring from another one, which is driven at 0.6 m/s, and stops within a step."""
+    speed, stop, end, dt = 0.6, 0.333, 1.0, 0.01
+    bodies = [body("Driven", mass=1.0, velocity=(0.0, 0.0, speed)), body("Free", mass=MASS)]
+    joints = [
+        Joint("Drive", "prismatic", GROUND.name, "Driven", ZERO, ZERO),
+        Joint("Rail", "prismatic", "Driven", "Free", ZERO, ZERO),
+    ]
+    law = Law("linear", (0.0, stop, end, 0.0, speed * stop, speed * stop))
+    motion = JointMotion("Motor", "Drive", "slide", law)
+    spring = JointSpring("Spring", "Rail", "slide", STIFFNESS, 0.0)
+    model = build_model(bodies, joints, [spring], motions=(motion,))
+    run = simulate(model, dt=dt, scheme=scheme, solver="newton")
+    late = speed * np.sin(RATE * (end - stop)) - speed * np.sin(RATE * end)
+    off = abs(run.states[-1, 15] - (speed * stop + late / RATE))
+    # Two oscillations of 0.06 m, late by the phase w t (w dt)^2 / 12 by the midpoint rule; as much
+    # again for the corner within a step.
+    late_by = RATE * end * (RATE * dt) ** 2 / 12.0
+    assert off < min(2.0 * 0.12 * late_by, 3.0 * run.report.error["position"])
 
 
 def advance(model, scheme, degree, steps):

@@ -244,6 +244,19 @@ def test_a_remedy_is_reported_where_the_step_is_coarse():
     verdict = judge(replace(GOOD, **erring(position=0.1, accuracy=None)), Limits())
     # Twice too much, and half of what is left aimed at.
     assert "within 5.0e-02 m up to t = 4 s; try --dt 0.005 or" in verdict.reasons[0]
+    # Of order 10 the step is 13 % shorter: in one digit it would be the same.
+    coarse = replace(GOOD, **erring(position=0.1, accuracy=None), dt=0.02, order=10)
+    assert "try --dt 0.017 or" in judge(coarse, Limits()).reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance", "word"),
+    [(0.1, 0.2, PASS), (0.1, None, WARN), (1.6, 2.0, WARN), (float("nan"), 2.0, FAIL)],
+)
+def test_a_tolerance_that_is_met_is_not_too_loose_to_pass(error, tolerance, word):
+    """A model of 5 m: a tolerance of more than 1 % of it is what the user asked for."""
+    erred = erring(position=error, accuracy=None)
+    assert judge(replace(GOOD, **erred, tolerance=tolerance), Limits()).word == word
 
 
 @pytest.mark.parametrize("name", ["single_pendulum_45", "single_pendulum_135", "top_3"])

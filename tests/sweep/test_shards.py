@@ -2,11 +2,13 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
+from msahl.sweep import pool
 from msahl.sweep.faults import PlanError, StoreError
 from msahl.sweep.journal import Journal
 from msahl.sweep.store import sweep_lock
@@ -127,3 +129,25 @@ def test_one_shard_is_not_run_twice_at_a_time(tmp_path):
     journal.close()
     ran = subprocess.run(command, capture_output=True, text=True, check=True)
     assert ran.stdout == ""
+
+
+def test_there_are_at_most_as_many_workers_as_cores_and_points(monkeypatch):
+    """A second worker starts when the first has compiled, and a third has no point left."""
+
+    class Idle:
+        source, ready, points = 0, False, ()  # busy
+
+        def __init__(self, job):
+            pass
+
+    monkeypatch.setattr(pool, "cores", lambda: 3)
+    monkeypatch.setattr(pool, "Worker", Idle)
+    many = pool.Pool(10_000)
+    assert many.jobs == 3
+    monkeypatch.setattr(many, "job", None, raising=False)
+    many.selector = SimpleNamespace(register=lambda *given: None)
+    many.work = SimpleNamespace(left=2)
+    for seconds, workers in ((0.0, 1), (0.1, 2)):
+        many.seconds_per_point = seconds
+        many._fill()
+        assert len(many.workers) == workers

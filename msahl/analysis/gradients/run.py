@@ -8,7 +8,8 @@ import numpy as np
 from msahl.analysis.gradients.arrays import Copy, blocks_of, degrees_of, places_in_state
 from msahl.analysis.gradients.start import NotDifferentiable, Shape, Variation
 from msahl.analysis.gradients.step_sequence import Step, after
-from msahl.analysis.gradients.switches import jumps_by_reactions, switches_of
+from msahl.analysis.gradients.switches import switches_of
+from msahl.events.expressions import jumps_by_reactions
 from msahl.jit.compiled import compiled
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import newton as collocation_newton
@@ -59,7 +60,8 @@ class TangentRun:
         self.workspace, self.member = self.base.groups[0], member.groups[0]
         self.switches = switches_of(self.workspace, settings.t_final)
         # End of the first step in which an expression jumps at a time that is not followed [s].
-        self.jumped = 0.0 if jumps_by_reactions(self.workspace) else np.inf
+        by_reactions = jumps_by_reactions(self.workspace.system.forces.signals)
+        self.jumped = 0.0 if by_reactions else np.inf
         self.length = float(part.workspace.system.frames.length[:-1].max(initial=1e-300))
         places = places_in_state(part.workspace)
         shared = _shared(self.base, member, variations, free, places)

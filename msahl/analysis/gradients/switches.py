@@ -15,12 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements.signals.group import REACTION
 from msahl.events import margins
-from msahl.events.expressions import operations_of_motion
+from msahl.events.expressions import used_switches
 from msahl.events.margins import Span, build_margins
-from msahl.expressions.known_times import dependent
-from msahl.expressions.tape import FREE, HELD
+from msahl.expressions.tape import FREE
 from msahl.jit.compiled import compiled
 from msahl.schemes.common import tangents as kernels
 from msahl.schemes.common.tangents import MEMBERS, Tangents
@@ -90,31 +88,11 @@ class Switches:
         return found
 
 
-def jumps_by_reactions(workspace: Workspace) -> bool:
-    """Whether an expression of the motion may jump by reactions, from one step to the next."""
-    signals: Any = workspace.system.forces.signals
-    if signals is None:
-        return False
-    used, late = _used(signals)
-    switches = signals.tape.switches
-    return any(switches.jumps[k] and late[switches.margin[k]] for k in used)
-
-
-def _used(signals: Any) -> tuple[list[int], np.ndarray]:
-    """Return the switches that the motion depends on, and which values depend on reactions."""
-    tape = signals.tape
-    late = dependent(tape, np.flatnonzero(signals.kind == REACTION))
-    used = operations_of_motion(signals)
-    return [int(tape.c[i]) for i in used if tape.op[i] == HELD], late
-
-
 def switches_of(workspace: Workspace, end: float) -> Switches | None:
     """Return the switches of a subsystem until ``end`` [s]; None if it has none."""
     signals: Any = workspace.system.forces.signals
     if signals is None:
         return None
-    used, late = _used(signals)
-    margin = signals.tape.switches.margin
-    own = np.array([k for k in used if not late[margin[k]]], dtype=np.int64)
+    own = np.array([k for k, late in used_switches(signals) if not late], dtype=np.int64)
     found = build_margins(workspace.system, HIGHEST_ORDER, Span(end)) if own.size else None
     return found and Switches(workspace, own, found._replace(has_expressions=True))

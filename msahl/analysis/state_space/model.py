@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from msahl.analysis.linearised.steady import Equilibrium
 from msahl.analysis.state_space.files import save
+from msahl.run.options import path_of
 
 if TYPE_CHECKING:
     import control
@@ -92,7 +92,7 @@ class LinearModel:
 
     def save(self, path: "str | PathLike[str]") -> None:
         """Write matrices, names, units and values to a file .npz, .mat or .json."""
-        save(self.contents(), Path(path))
+        save(self.contents(), path_of(path))
 
     def contents(self) -> dict[str, Any]:
         """Return what a file contains, by name: ``stateNames``, ``stateUnits``, ``stateValues`` and

@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
 from msahl.deck import read_deck
+from msahl.expressions.syntax import parse
+from msahl.model import Joint, JointActuator
 from msahl.model.scheme import choices
+from msahl.ports import forces
 from msahl.results.read import read_run
-from msahl.run.verdict import PASS
+from msahl.run.verdict import FAIL, PASS
+from msahl.schemes.collocation import newton
+from msahl.schemes.collocation import stepper as collocation_stepper
 from msahl.schemes.collocation.tableau import new_tableau
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
@@ -20,7 +26,7 @@ from tests.schemes.midpoint.test_decaying import energies, oscillator
 from tests.support.closed_forms import recognise
 from tests.support.collocation_step import Step
 from tests.support.element_samples import ELEMENTS, everything
-from tests.support.models import body, build_model, deck, jointed, pendulum, simulate
+from tests.support.models import GROUND, body, build_model, deck, jointed, pendulum, simulate
 
 ROOT = Path(__file__).parents[3]
 H = 0.01
@@ -249,3 +255,25 @@ def test_a_study_finds_its_order():
     found = study(replace(plan, schemes=("radau2", "gauss1"), repeats=1))
     assert found.fits["radau2", "position"].order == pytest.approx(3.0, abs=0.15)
     assert found.fits["gauss1", "position"].order == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("factor", "word"), [(1.0, PASS), (1.3, FAIL)])
+def test_works_that_are_not_those_of_the_motion_fail(monkeypatch, factor, word):
+    """A motor drives a wheel against a drag; it is said to do 1.3 times its work. Radau's own work
+    takes up what is missing, at any size of its steps: that is no damping of vibrations.
+    """
+    add_power = forces.add_power
+
+    def falsified(group, *arguments):
+        *others, dt, work = arguments
+        add_power(group, *others, factor * dt, work)
+
+    monkeypatch.setattr(collocation_stepper, "_take_steps", newton.take_steps)
+    monkeypatch.setattr(forces, "add_power", falsified)
+    wheel = body("Wheel", inertia=(1.0, 1.0, 1.0))
+    axle = Joint("Axle", "revolute", GROUND.name, wheel.name, ZERO, ZERO)
+    motor = JointActuator("Motor", "Axle", "angle", parse("2 - 0.1*Axle.angleRate"))
+    run = simulate(build_model([wheel], [axle], [motor]), 0.1, 1.0, "radau2", solver="newton")
+    check = run.report.verdict["checks"]["energy"]
+    assert check["word"] == word, check
+    assert ("not those of the motion" in check["text"]) == (word == FAIL)
