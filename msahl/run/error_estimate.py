@@ -60,7 +60,9 @@ ROUND_OFF = 4.0 * float_info.epsilon
 """Smallest relative error of the largest coordinate that an estimate may have."""
 OSCILLATING = 2.0
 """Ratio of a step's displacement at the highest speed to the largest displacement since t = 0 above
-which the motion oscillates within one step: it then passes a third of a cycle or more in one."""
+which the motion oscillates within one step: it then passes a third of a cycle or more in one. A
+gauss or radau scheme of degree s resolves s times that in a step and half of it in a half step, so
+the comparison shows its error up to there."""
 LOST_ALIKE = 0.75
 """Fraction of the run's energy loss that the companion loses as well if it is the energy of
 vibrations that neither resolves. Of resolved motions it is a half at most, up to higher orders."""
@@ -109,6 +111,7 @@ class ErrorEstimate:
         if not isinstance(companion, EarlierRun) and not settings.adaptive:
             unseen = unseen_motion(model, max(float(one.max()) for one in self.lengths))
             self.largest["position"] = SAFETY * unseen
+        self.oscillating = OSCILLATING * max(settings.degree, 1)
         # Energies that radau has taken in the run and in its companion, up to half of its time [J].
         self.half, self.taken_by_half = 0.5 * settings.t_final, np.zeros(2)
         radau = settings.dissipative and settings.degree > 0
@@ -262,7 +265,7 @@ class ErrorEstimate:
         never was more than ``farthest`` [m] from its position at t = 0; and the ``unseen`` error
         [m] of a velocity that is wrong all the time.
         """
-        amplitude = displacement / np.pi if displacement > OSCILLATING * farthest else 0.0
+        amplitude = displacement / np.pi if displacement > self.oscillating * farthest else 0.0
         self.largest["position"] = max(self.largest["position"], amplitude, unseen)
         if self.history.until > 0.0:
             self.largest["velocity"] = max(self.largest["velocity"], unseen / self.history.until)

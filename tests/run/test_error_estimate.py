@@ -279,3 +279,16 @@ def test_a_damped_vibration_is_estimated_by_the_energy_that_both_runs_take():
     assert 1.1 * taken[1] < taken[0] < taken[1] / 0.75
     assert run.errors[:, 1].max() < amplitude
     assert run.report.error["position"] == pytest.approx(amplitude, rel=1e-6)
+
+
+def test_a_third_of_a_cycle_in_a_step_is_resolved_by_a_high_degree():
+    """An oscillation through 2.5 rad in a step of order 8: right, though it moves farther by its
+    velocity in a step than it ever is from its start; by order 4 it is not, and says so.
+    """
+    omega, found = 2.5, []
+    for scheme in ("gauss4", "gauss2"):
+        run = simulate(oscillators((omega, 1.0, 1.0)), dt=1.0, t_final=20.0, scheme=scheme)
+        true = np.abs(run.states[:, 1] - np.sin(omega * run.time) / omega).max()
+        assert 1.0 < run.report.error["position"] / true < 3.0
+        found.append(run.report.verdict["word"])
+    assert found == [PASS, FAIL]

@@ -249,6 +249,16 @@ def test_a_remedy_is_reported_where_the_step_is_coarse():
     assert "try --dt 0.017 or" in judge(coarse, Limits()).reasons[0]
 
 
+@pytest.mark.parametrize(
+    ("error", "tolerance", "word"),
+    [(0.1, 0.2, PASS), (0.1, None, WARN), (1.6, 2.0, WARN), (float("nan"), 2.0, FAIL)],
+)
+def test_a_tolerance_that_is_met_is_not_too_loose_to_pass(error, tolerance, word):
+    """A model of 5 m: a tolerance of more than 1 % of it is what the user asked for."""
+    erred = erring(position=error, accuracy=None)
+    assert judge(replace(GOOD, **erred, tolerance=tolerance), Limits()).word == word
+
+
 @pytest.mark.parametrize("name", ["single_pendulum_45", "single_pendulum_135", "top_3"])
 @pytest.mark.parametrize("dt", [0.02, 0.005])
 def test_local_errors_add_up_to_about_the_true_one(name, dt):
