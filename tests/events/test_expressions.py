@@ -138,7 +138,7 @@ def test_tolerances_are_kept_where_the_motion_passes_a_kink_or_a_jump(scene):
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_a_screw_press_meets_its_tolerance(tolerance):
-    """It turns at 20 rad/s, meets the work after 20 mm, is thrown back, and turns freely."""
+    """It rotates at 20 rad/s, meets the work after 20 mm, is thrown back, and rotates freely."""
     advance, inertia, speed, stiffness, gap = 0.05 / (2.0 * math.pi), 0.05, 20.0, 2e5, 0.02
     velocity = (0.0, 0.0, advance * speed)
     spindle = {"velocity": velocity, "angular_velocity": (0.0, 0.0, speed)}
