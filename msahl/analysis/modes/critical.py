@@ -185,9 +185,26 @@ def _passing(followed: Followed, k: int, sample: Sampler) -> Iterator[Critical]:
         j = followed.row(k + 1, mode)
         if j is None:
             continue
-        undamped = _has_mirror(a, int(i)) and _has_mirror(b, j)
-        if before[i] * after[j] < 0.0 and not undamped:
-            yield _root(Track(a, b, int(i), j, mode, sample), _real_part)
+        track = Track(a, b, int(i), j, mode, sample)
+        if before[i] * after[j] < 0.0:
+            if not (_has_mirror(a, int(i)) and _has_mirror(b, j)):
+                yield _root(track, _real_part)
+            else:
+                yield from _exchange(track)
+
+
+def _exchange(track: "Track") -> Iterator[Critical]:
+    """The critical value of a mode of which another one is the mirror image at both ends: of two
+    that exchange their stability the real part passes through zero, of undamped ones it is zero
+    between two values.
+    """
+    step = APART * (track.b.value - track.a.value)
+    with suppress(_LostError):
+        found = _root(track, _real_part)
+        beside = [track.at(found.value + side) for side in (-step, step)]
+        signs = [float(_signs(spectrum)[row]) for spectrum, row in beside]
+        if signs[0] * signs[1] < 0.0:
+            yield found
 
 
 def _sign_at(followed: Followed, k: int, mode: int) -> float:

@@ -188,6 +188,43 @@ def test_two_modes_that_become_critical_together(y, damping, values, expected):
     assert len(built) <= 60
 
 
+EXCHANGE = """<data><parameters><parameter name="p">0</parameter>
+<parameter name="c" units="N-s/m">1</parameter></parameters><system><bodies><ground><name>G</name>
+</ground>{bodies}</bodies><joints>{joints}</joints><loads>{loads}</loads></system><simulation>
+<deltaT>0.01</deltaT><tFinal>1</tFinal></simulation></data>"""
+BODY = (
+    "<rigidBody><name>{0}</name><mass>1</mass><moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>"
+    "</rigidBody>"
+)
+SLIDE = (
+    "<prismatic><name>S{0}</name><parent><name>G</name><axis><x>1</x></axis></parent><child><name>"
+    "{0}</name></child></prismatic>"
+)
+SPRING = (
+    "<slideSpringDamper><name>K{0}</name><joint>S{0}</joint><stiffness>{1}</stiffness>"
+    "</slideSpringDamper><actuator><name>F{0}</name><joint>S{0}</joint><coordinate>slide"
+    "</coordinate><expression>{{{2}*(p-1.03)*c*S{0}.slideRate}}</expression></actuator>"
+)
+
+
+@pytest.mark.parametrize("stiffness", [300.0, 100.0])
+def test_modes_that_exchange_stability_at_one_value(stiffness):
+    """Of two oscillators one begins to grow where the other ceases to: as many grow on both sides.
+    With the same frequency each is the mirror image of the other.
+    """
+    deck = EXCHANGE.format(
+        bodies=BODY.format("A") + BODY.format("B"),
+        joints=SLIDE.format("A") + SLIDE.format("B"),
+        loads=SPRING.format("A", 100.0, 1) + SPRING.format("B", stiffness, -1),
+    )
+    parsed = ParsedDeck(Source.of(deck))
+    found = critical_rows(
+        campbell(lambda p: at_start(parsed.model((f"p={p!r}",))), np.linspace(0.0, 2.0, 6))
+    )
+    assert len(found) == 2
+    assert np.abs(np.array([row[0] for row in found]) - 1.03).max() <= 1e-12
+
+
 def test_values_without_modes_are_reported():
     def point_of(value):
         if value == 2.0:
