@@ -136,6 +136,29 @@ def test_tolerances_are_kept_where_the_motion_passes_a_kink_or_a_jump(scene):
         assert abs(run.states[-1, 3] - exact(1.0)) < tolerance
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_a_screw_press_meets_its_tolerance(tolerance):
+    """It rotates at 20 rad/s, meets the work after 20 mm, is thrown back, and rotates freely."""
+    advance, inertia, speed, stiffness, gap = 0.05 / (2.0 * math.pi), 0.05, 20.0, 2e5, 0.02
+    velocity = (0.0, 0.0, advance * speed)
+    spindle = {"velocity": velocity, "angular_velocity": (0.0, 0.0, speed)}
+    screw = body("Screw", mass=4.0, inertia=(0.3, 0.3, inertia), **spindle)
+    thread = (("pitch", 0.05),)
+    joint = Joint("Nut", "screw", GROUND.name, "Screw", ZERO, ZERO, parameters=thread)
+    work = JointActuator("Work", "Nut", "slide", parse(f"-{stiffness}*max(0, Nut.slide - {gap})"))
+    model = build_model([screw], [joint], [work])
+    simulation = replace(model.simulation, scheme="auto", tolerance=tolerance)
+    run = simulate(replace(model, simulation=simulation), solver="newton")
+    rate = advance * math.sqrt(stiffness / (inertia + 4.0 * advance**2))
+    meets, free = gap / velocity[2], math.pi / rate
+    t = run.time
+    touching = gap + velocity[2] / rate * np.sin(rate * (t - meets))
+    back = gap - velocity[2] * (t - meets - free)
+    exact = np.select([t < meets, t < meets + free], [velocity[2] * t, touching], back)
+    assert abs(run.states[:, 3] - exact).max() < tolerance
+    assert run.report.verdict["word"] == "PASS"
+
+
 def spike(height):
     table = SignalTable("spike", Law("linear", (*SPIKE, 0.0, 0.0, height, 0.0, 0.0)))
     return rail("spike(t)", 0.0, (table,)), lambda t: 1e-3 * height / MASS * (t - 0.301)

@@ -165,7 +165,7 @@ def _solve(
 BEAMS = (
     beam(PLUCK, 2, 3, 0.4, 20, "plucked strip"),
     beam(SWING, 2, 3, 0.6, 20, "swinging strip"),
-    beam(SPIN_UP, 2, 2, 0.8, 20, "blade that spins up"),
-    beam(CONTROLLED, 2, 3, 0.6, 20, "strip under control"),
-    beam(SLIDER_CRANK, 2, 2, 0.1, 20, "flexible slider-crank"),
+    beam(SPIN_UP, 2, 2, 0.32, 8, "blade that spins up"),
+    beam(CONTROLLED, 2, 3, 0.24, 8, "strip under control"),
+    beam(SLIDER_CRANK, 2, 2, 0.04, 8, "flexible slider-crank"),
 )
