@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation_arrays import euler_parameters, matrices, rotations
+from msahl.algebra.vector import ZERO, Vector
 from msahl.analysis.inverse.table import Track
 from msahl.analysis.linearised.coefficients import skews
 from msahl.analysis.linearised.plain_units import coordinate_numbers
@@ -134,27 +135,31 @@ class Measures:
     def _points(self, model: Model) -> tuple[_Points, _Axes]:
         """Return the points and axes of bodies that are given."""
         markers = {marker.name: marker for marker in model.markers}
-        points, frames = [], []
+        points = list[tuple[int, int, Vector, int]]()
+        frames = list[tuple[int, int, np.ndarray]]()
         for track, rows in zip(self.tracks, self.rows, strict=True):
             if track.kind == "marker":
                 marker = markers[track.element]
                 body, s, axes = self.number[marker.body], marker.point, np.array(marker.axes)
             elif track.kind == "body":
-                body, s, axes = self.number[track.element], (0.0, 0.0, 0.0), np.eye(3)
+                body, s, axes = self.number[track.element], ZERO, np.eye(3)
             else:
                 continue
             if _is_orientation(track):
                 frames.append((rows.start, body, axes))
             else:
                 points.append((rows.start, body, s, "xyz".index(track.coordinate)))
-        row, body, s, axis = (
-            (list(part) for part in zip(*points, strict=True)) if points else [[]] * 4
-        )
         of_points = _Points(
-            _integers(row), _integers(body), np.reshape(s, (-1, 3)), _integers(axis)
+            row=_integers([point[0] for point in points]),
+            body=_integers([point[1] for point in points]),
+            s=np.array([point[2] for point in points]).reshape(-1, 3),
+            axis=_integers([point[3] for point in points]),
         )
-        row, body, axes = (list(part) for part in zip(*frames, strict=True)) if frames else [[]] * 3
-        return of_points, _Axes(_integers(row), _integers(body), np.reshape(axes, (-1, 3, 3)))
+        return of_points, _Axes(
+            row=_integers([frame[0] for frame in frames]),
+            body=_integers([frame[1] for frame in frames]),
+            axes=np.array([frame[2] for frame in frames]).reshape(-1, 3, 3),
+        )
 
     def bodies(self, state: State) -> Bodies:
         """Return the bodies in a ``state``."""
