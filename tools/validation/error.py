@@ -173,7 +173,7 @@ def truth_of(case: Case) -> reference.Truth:
     modules = (error_beams,) if case.own_truth else modules
     key = hashlib.sha256()
     for module in modules:
-        key.update(Path(module.__file__).read_bytes())
+        key.update(Path(str(module.__file__)).read_bytes())
     key.update(repr(replace(case.model, simulation=None)).encode())  # type: ignore[arg-type]
     key.update(case.times.tobytes())
     folder = Path(platformdirs.user_cache_dir("msahl", appauthor=False)) / "references"

@@ -8,6 +8,7 @@ switch passes zero; it is integrated again up to there, without the error of int
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -67,7 +68,9 @@ def solve(motion: Motion, times: Array, rtol: float, change: float = 0.0) -> Arr
     return np.array(rows)
 
 
-def _to_switch(motion, span, y, side, piece, rtol):  # type: ignore[no-untyped-def]
+def _to_switch(
+    motion: Motion, span: tuple[float, float], y: Array, side: Sides, piece: int, rtol: float
+) -> tuple[Any, int | None]:
     """The solution up to the first switch that changes its side, or the end; and that switch."""
 
     def rates(t: float, y: Array) -> Sequence[float]:
