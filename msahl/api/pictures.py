@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from msahl.api.arguments import require
 from msahl.post.draw import encode, save, style
-from msahl.post.figures import GRAPHS, SPATIAL, figures
+from msahl.post.figures import SPATIAL, figures
 from msahl.post.metrics import compute_metrics
+from msahl.post.run_graphs import GRAPHS
 from msahl.post.run_graphs import Choice as Drawn
 from msahl.results.read import Run
 from msahl.run.options import Choice, path_of

@@ -34,7 +34,9 @@ class Switches:
     """The switches that the motion of a subsystem depends on within a step."""
 
     def __init__(self, workspace: Workspace, own: np.ndarray, found: margins.Margins) -> None:
-        tape = workspace.system.forces.signals.tape
+        signals = workspace.system.forces.signals
+        assert signals is not None, "a system with expressions"
+        tape = signals.tape
         self.number, self.margin = own, tape.switches.margin[own]
         self.free = tape.switches.free[own]
         self.jumps, self.integers = tape.switches.jumps[own], tape.switches.integers[own]
