@@ -13,6 +13,10 @@ from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
 from msahl.system.signal_terms import Scales
 
+ROTATES = 0.75
+"""Share of the fastest displacement in a step above which it is the rotation of a body, which is
+less over a step than by its highest speed."""
+
 
 def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     """Complete the ``report`` on a run that has ended."""
@@ -74,7 +78,8 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
         estimate.add_damped(record.energy_taken, record.extremes.size, kinetic, displacement)
     if estimate and not settings.adaptive:
         displacement = min(h, report.time) * speed
-        displacement -= record.length * (extremes["rotationPerStepMax"] or 0.0)
+        rotation = record.length * (extremes["rotationPerStepMax"] or 0.0)
+        displacement = displacement - rotation if rotation < ROTATES * displacement else 0.0
         friction = [
             unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
         ]

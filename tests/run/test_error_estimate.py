@@ -244,6 +244,17 @@ def test_a_hidden_vibration_is_estimated_by_the_error_of_its_velocity():
     assert run.report.error["velocity"] == pytest.approx(velocity.max(), abs=1e-10)
 
 
+def test_a_wheel_about_its_centre_does_not_vibrate():
+    """It rotates by less in a step than at its highest speed; its centre stays where it is."""
+    wheel = body("Wheel", inertia=0.1, angular_velocity=(0.0, 0.0, 7.0))
+    axle = Joint("Axle", "revolute", GROUND.name, "Wheel", ZERO, ZERO)
+    spring = JointSpring("Spring", "Axle", "angle", 0.9, 0.0)
+    run = simulate(build_model([wheel], [axle], [spring]), dt=0.1, t_final=1.0)
+    assert run.report.error["orientation"] > 1e-3
+    # Rounding errors of a body of 0.2 m.
+    assert run.report.error["position"] < 1e-14
+
+
 def test_what_is_driven_in_all_directions_does_not_vibrate():
     """The midpoint rule misses the velocities of a motion by a table, and none of its positions."""
     run = simulate(deck("joint_motion_table"), dt=0.2)
