@@ -8,7 +8,7 @@ from msahl.deck.source import Source
 from msahl.model import Options
 from msahl.model.settings import OFF
 from msahl.results.job import make_job
-from msahl.run import loop
+from msahl.run import loop, mesh_error
 from msahl.run.tables import ERROR, STATES, MemorySink
 from msahl.run.verdict import DONE, PASS, WARN
 from msahl.study.more_elements import by_name
@@ -93,6 +93,14 @@ def test_what_has_no_finer_mesh_is_done_at_best():
     assert "beam 'S' begins where <nodes> says" in report.verdict["checks"]["accuracy"]["text"]
     records = Source.of_model(job_of(strip(1, 1)).model)
     assert finer_mesh(job_of(records.data.decode())).none.startswith("beam 'S' is given by its")
+
+
+def test_a_finer_mesh_that_leaves_the_run_says_nothing(monkeypatch):
+    monkeypatch.setattr(mesh_error, "SAFETY", 1e9)  # as if the runs were far from each other
+    report, sink, _ = estimated(strip(1, 2))
+    assert "did not follow it" in report.error["mesh"]["unknown"]
+    assert report.verdict["word"] != PASS
+    assert sink.table(ERROR)[:, 1].max() < 1.0
 
 
 def test_results_in_memory_have_it_and_runs_without_estimate_do_not():
