@@ -7,14 +7,17 @@ import numpy as np
 
 from msahl.post.glb.animation import Keys
 from msahl.post.glb.container import INDICES, JOINTS, VERTICES, Numbers, glb
+from msahl.post.glb.springs import Stretched, choose_spring_keys, ends, motion, surfaces
 from msahl.post.scene.beams import rings_at_nodes
 from msahl.post.scene.geometry import Shape, along, quaternion
-from msahl.post.scene.triangles import triangles
+from msahl.post.scene.triangles import Triangles, triangles
 from msahl.version import VERSION
 
 Node = dict[str, Any]
 GREY = "#9aa3ad"
 """Colour of the ground's shapes that have none."""
+SPRING = "#6c7683"
+"""Colour of springs and dampers, as in the viewer."""
 METALLIC, ROUGHNESS = 0.1, 0.6
 
 
@@ -33,6 +36,13 @@ def write_glb(
             file.animate(node, time[key.rows], poses[key.rows, index])
     for beam in scene["beams"]:
         file.add_beam(beam, nodes)
+    for spring in scene["springs"]:
+        stretched = motion(ends(spring, poses), scene["size"])
+        rows = choose_spring_keys(time, stretched, scene["size"])
+        for node in file.add_spring(spring, scene["size"], stretched):
+            if len(rows) > 1:
+                scales = np.column_stack([np.ones((len(rows), 2)), stretched.lengths[rows]])
+                file.animate(node, time[rows], stretched.poses[rows], scales)
     ground = scene["ground"]
     if ground["shapes"]:
         file.add_body(", ".join(ground["names"]) or "ground", ground["shapes"], GREY, None)
@@ -73,6 +83,24 @@ class _File:
             node.setdefault("children", []).append(len(self.nodes) - 1)
         return place
 
+    def add_spring(self, spring: Mapping[str, Any], size: float, first: Stretched) -> list[int]:
+        """Add nodes for the surfaces of a spring that begins as ``first``; return their indices."""
+        places = []
+        length = float(first.lengths[0])
+        for k, surface in enumerate(surfaces(spring["glyph"], size, length)):
+            key = (spring["glyph"], k, length)
+            if key not in self.meshes:
+                self.meshes[key] = self._surface(spring["glyph"], surface, SPRING)
+            pose = {
+                "translation": first.poses[0, :3].tolist(),
+                "rotation": _xyzw(first.poses[0, 3:]),
+            }
+            places.append(len(self.nodes))
+            drawn = {"mesh": self.meshes[key], "scale": [1.0, 1.0, length]}
+            self.nodes.append({"name": spring["name"], **pose, **drawn})
+            self.nodes[0]["children"].append(places[-1])
+        return places
+
     def add_beam(self, beam: Mapping[str, Any], nodes: Sequence[int]) -> None:
         """Add the surface of a beam as a skin: each outline moves with one of the ``nodes`` of the
         document, which are those of all bodies."""
@@ -104,19 +132,22 @@ class _File:
         numbers = (shape["size"], shape.get("vertices", ()), shape.get("faces", ()))
         key = (shape["kind"], colour, *map(tuple, numbers))
         if key not in self.meshes:
-            surface = triangles(shape)
-            vertices, normals, faces = surface
-            attributes = {"POSITION": self.numbers.add(vertices, VERTICES, bounds=True)}
-            if normals is not None:
-                attributes["NORMAL"] = self.numbers.add(normals, VERTICES)
-            primitive = {
-                "attributes": attributes,
-                "indices": self.numbers.add(faces.ravel(), INDICES),
-                "material": self._material(colour),
-            }
-            self.meshes[key] = len(self.mesh_list)
-            self.mesh_list.append({"name": key_name(shape), "primitives": [primitive]})
+            self.meshes[key] = self._surface(key_name(shape), triangles(shape), colour)
         return self.meshes[key]
+
+    def _surface(self, name: str, surface: Triangles, colour: str) -> int:
+        """Store a surface; return the index of its mesh."""
+        vertices, normals, faces = surface
+        attributes = {"POSITION": self.numbers.add(vertices, VERTICES, bounds=True)}
+        if normals is not None:
+            attributes["NORMAL"] = self.numbers.add(normals, VERTICES)
+        primitive = {
+            "attributes": attributes,
+            "indices": self.numbers.add(faces.ravel(), INDICES),
+            "material": self._material(colour),
+        }
+        self.mesh_list.append({"name": name, "primitives": [primitive]})
+        return len(self.mesh_list) - 1
 
     def _material(self, colour: str) -> int:
         if colour not in self.materials:
@@ -132,11 +163,14 @@ class _File:
             )
         return self.materials[colour]
 
-    def animate(self, node: int, time: np.ndarray, poses: np.ndarray) -> None:
-        """Add samplers of translation and rotation of a node."""
+    def animate(
+        self, node: int, time: np.ndarray, poses: np.ndarray, scales: np.ndarray | None = None
+    ) -> None:
+        """Add samplers of translation and rotation of a node, and of its ``scales`` (rows, 3)."""
         times = self.numbers.add(time, bounds=True)
-        rotations = poses[:, [4, 5, 6, 3]]  # glTF has the scalar last
-        for path, values in (("translation", poses[:, :3]), ("rotation", rotations)):
+        # glTF has the scalar last.
+        paths = {"translation": poses[:, :3], "rotation": poses[:, [4, 5, 6, 3]]}
+        for path, values in (paths if scales is None else {**paths, "scale": scales}).items():
             output = self.numbers.add(values)
             self.channels.append(
                 {"sampler": len(self.samplers), "target": {"node": node, "path": path}}

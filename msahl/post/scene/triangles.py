@@ -40,7 +40,7 @@ def triangles(shape: Shape) -> Triangles:
         )
     if kind == "box":
         return _box(size)
-    return _revolved(_profile(kind, *size))
+    return revolved(_profile(kind, *size))
 
 
 def _box(size: list[float]) -> Triangles:
@@ -70,21 +70,21 @@ def _profile(kind: str, radius: float, length: float = 0.0) -> list[Piece]:
         normals = np.column_stack([np.cos(a), np.sin(a)])
         shift = np.where(np.arange(len(a)) > QUARTER, top, -top)
         return [Piece(radius * normals + shift[:, None] * [0.0, 1.0], normals)]
-    base = _straight((0.0, -top), (radius, -top))
+    base = straight((0.0, -top), (radius, -top))
     if kind == "cone":
-        return [base, _straight((radius, -top), (0.0, top))]
-    side = _straight((radius, -top), (radius, top))
-    return [base, side, _straight((radius, top), (0.0, top))]
+        return [base, straight((radius, -top), (0.0, top))]
+    side = straight((radius, -top), (radius, top))
+    return [base, side, straight((radius, top), (0.0, top))]
 
 
-def _straight(start: tuple[float, float], end: tuple[float, float]) -> Piece:
+def straight(start: tuple[float, float], end: tuple[float, float]) -> Piece:
     """Return the straight piece from ``start`` to ``end``, whose outside is on the right."""
     along = np.subtract(end, start)
     normal = np.array([along[1], -along[0]]) / math.hypot(*along)
     return Piece(np.array([start, end]), np.array([normal, normal]))
 
 
-def _revolved(pieces: list[Piece]) -> Triangles:
+def revolved(pieces: list[Piece]) -> Triangles:
     """Return the surface of revolution of a profile about z."""
     angle = np.linspace(0.0, 2.0 * math.pi, AROUND + 1)
     around = np.column_stack([np.cos(angle), np.sin(angle)])

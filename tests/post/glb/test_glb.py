@@ -11,9 +11,11 @@ from click.testing import CliRunner
 
 from msahl.algebra.rotation_arrays import rotations
 from msahl.cli.main import main as msahl
+from msahl.model import JointSpring, SpringDamper
 from msahl.post.cli import main as post
 from msahl.post.glb.animation import TOLERANCE, choose_keys, interpolate
 from msahl.post.glb.gltf import _upright, linear
+from msahl.post.glb.springs import motion, surfaces
 from msahl.post.scene.geometry import rotation
 from msahl.results.read import read_run
 from tests.support import run_folders
@@ -133,14 +135,15 @@ def test_shapes_have_meshes_and_materials(run):
         assert "Base" in [reader.file.nodes[place].name for place in root.children]
 
 
-def test_the_validator_of_khronos_finds_no_fault(run, tmp_path):
+def assert_valid(path, tmp_path):
+    """Ask the validator of Khronos, if it is there."""
     node, modules = shutil.which("node"), ROOT / "tools" / "web" / "node_modules"
     if node is None or not (modules / "gltf-validator").is_dir():
         pytest.skip("needs node and its package gltf-validator: run npm ci in tools/web")
     script = tmp_path / "validate.cjs"
     script.write_text(VALIDATE.replace("argv[1]", "argv[2]"))
     done = subprocess.run(
-        [node, str(script), str(run / f"{run.name}.glb")],
+        [node, str(script), str(path)],
         env={"NODE_PATH": str(modules)},
         capture_output=True,
         text=True,
@@ -149,6 +152,46 @@ def test_the_validator_of_khronos_finds_no_fault(run, tmp_path):
     )
     issues = json.loads(done.stdout)["issues"]
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+def test_the_validator_of_khronos_finds_no_fault(run, tmp_path):
+    assert_valid(run / f"{run.name}.glb", tmp_path)
+
+
+def test_springs_reach_from_end_to_end(tmp_path):
+    folder, deck = tmp_path / "car", ROOT / "decks" / "machines" / "quarter_car.xml"
+    call(msahl, "run", deck, "-q", "-o", folder, "--t-final", 0.5)
+    assert call(post, "export", folder, "--glb").exit_code == 0
+    result, reader = read_run(folder), Reader(folder / "car.glb")
+    springs = [load for load in result.model.loads if isinstance(load, JointSpring | SpringDamper)]
+    assert springs
+    for spring in springs:
+        node = reader.node(spring.name)
+        lengths = []
+        for t in (0.0, 0.137, 0.5):
+            M = reader.matrix(node, t)
+            lengths.append(reader.value(node, "scale", t)[2])
+            assert np.allclose(M[:3, :3] @ M[:3, :3].T, np.eye(3), rtol=0, atol=1e-5)
+        assert max(lengths) > min(lengths) > 0.0
+    assert_valid(folder / "car.glb", tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_spring_follows_its_ends(seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(40, 2, 3))
+    points[7, 1] = points[7, 0]
+    found = motion(points, 1.0)
+    for (a, b), pose, length in zip(points, found.poses, found.lengths, strict=True):
+        end = pose[:3] + rotation(pose[3:]) @ (0.0, 0.0, length)
+        # 1e-6: the least length, where both ends coincide.
+        assert np.allclose(pose[:3], a)
+        assert np.allclose(end, b, rtol=0, atol=2e-6)
+    for glyph in ("coil", "strut", "damper"):
+        for surface in surfaces(glyph, 1.0, 2.0):
+            assert surface.faces.max() < len(surface.vertices) == len(surface.normals)
+            assert surface.vertices[:, 2].max() == pytest.approx(1.0, abs=0.01)  # the wire
+    assert surfaces("spiral", 1.0, 1.0) == []
 
 
 def test_a_run_of_one_row_has_no_animation(tmp_path):
