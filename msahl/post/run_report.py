@@ -87,6 +87,7 @@ CHECKS = {
     "solver": "Solver",
     "pivotRatio": "Conditioning",
     "signals": "Signals and auxiliary states",
+    "jumps": "Jumps by reactions",
     "reactions": "Reactions",
     "forceError": "Errors of forces",
     "momentError": "Errors of moments",
