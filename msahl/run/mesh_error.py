@@ -113,9 +113,7 @@ class MeshError:
     def as_json(self) -> dict[str, Any]:
         """The figures by their names in ``run.json``."""
         until = self.history.until
-        unknown = (
-            self.why or f"the run of a finer mesh did not follow this one after t = {until:g} s"
-        )
+        unknown = self.why or f"the run of a finer mesh did not follow it after t = {until:g} s"
         found: dict[str, Any] = {"elements": self.elements, "degree": self.degree}
         found |= {"error": self.largest} if self.integrators else {}
         return found if self.known else {**found, "unknown": unknown}
