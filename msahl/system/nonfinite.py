@@ -10,7 +10,6 @@ import numpy as np
 from msahl.algebra.functions import evaluate
 from msahl.algebra.rotation import compose, from_axis_angle
 from msahl.elements.constraints import scalar
-from msahl.elements.signals import results
 from msahl.expressions.known_times import users
 from msahl.expressions.tape import HELD
 from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
@@ -145,6 +144,5 @@ def _values(system: System, state: State) -> np.ndarray:
     prepare(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
     prepare(system, state, start)
-    forces.set_prepared_inputs(group, start.forces, system.scalar)
-    results.evaluate(group, start.forces.signals)
+    forces.set_expressions(group, start.forces, system.scalar)
     return np.asarray(start.forces.signals.values.value)

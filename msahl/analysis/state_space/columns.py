@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import matrix
-from msahl.algebra.rotation_arrays import parameters, rotations
+from msahl.algebra.rotation_arrays import parameters, rotated, rotations
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Evaluated, expression_slopes
 from msahl.analysis.linearised.plain_units import coordinate_numbers, equation_numbers
@@ -21,7 +21,7 @@ from msahl.analysis.linearised.variations import Variations
 from msahl.elements import reactions
 from msahl.elements.beams import instant as beams
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
-from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
+from msahl.joints.coordinates import Motion, coordinates, point_motion
 from msahl.model import Model
 from msahl.model.loads import Actuator
 from msahl.ports import forces

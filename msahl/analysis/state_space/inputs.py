@@ -20,6 +20,7 @@ import numpy as np
 
 from msahl.algebra.functions import evaluate as law
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import cross, rotated
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Evaluated, evaluated, result_row
 from msahl.analysis.linearised.point import Point, complete
@@ -27,11 +28,9 @@ from msahl.expressions.syntax import Call, Name, Number, nearest
 from msahl.joints.coordinates import (
     Motion,
     coordinates,
-    cross,
     geometry,
     is_angle,
     relative,
-    rotated,
     values_and_rates,
 )
 from msahl.model import ConcentratedLoad, JointMotion, Model, Signal, SignalState
