@@ -15,7 +15,7 @@ A formulation owes the rest of the program:
 6. Inertia: the balance of momentum of a body, with its derivatives, its energy and its free
    acceleration.
 
-Laws of forces (``msahl.laws``) know none of these. Ports (``msahl.ports``) use 2 to 4. Whatever
-writes equations knows all: constraints, beams, schemes and the linearised equations number frames
-and nodes as ``absolute`` does, and a second formulation has to begin with them.
+Laws of forces (``msahl.laws``) use none of these, ports (``msahl.ports``) 2 to 4. Whatever writes
+equations uses all: constraints, beams, schemes and the linearised equations number frames and nodes
+as ``absolute`` does, and a second formulation has to begin with them.
 """

@@ -43,7 +43,7 @@ def smallest_rotation(before: Sequence[float], after: Sequence[float]) -> np.nda
 
 def grid_faces(numbers: np.ndarray) -> np.ndarray:
     """Return two triangles (n, 3) for each cell of a grid of vertices, by their ``numbers`` (p, q):
-    counterclockwise seen from where the columns are to the left of the direction of the rows.
+    counterclockwise seen from where the next row is to the left of the next column.
     """
     a, b, c, d = numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]
     return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
