@@ -12,7 +12,7 @@ from msahl.algebra.rotation import compose, from_axis_angle
 from msahl.elements.constraints import scalar
 from msahl.expressions.known_times import users
 from msahl.expressions.tape import HELD
-from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
+from msahl.model import Model, Signal, SignalState
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.evaluate import prepare
@@ -120,9 +120,7 @@ def _names_of_expressions(model: Model) -> list[str]:
         f"{'signal' if isinstance(signal, Signal) else 'state'} '{signal.name}'"
         for signal in published
     ]
-    for kind in (Actuator, ConcentratedLoad):
-        loads = [load for load in model.loads if isinstance(load, kind)]
-        names += [f"load '{load.name}'" for load in loads if load.expression is not None]
+    names += [f"load '{load.name}'" for load in (*model.actuators, *model.controlled)]
     return [*names, *states, *(f"the condition '{stop.condition}'" for stop in model.stops)]
 
 

@@ -166,7 +166,7 @@ class _Maker:
 
     def actuator(self, name: str, load: Actuator) -> Input:
         """An input that is added to the load of an actuator."""
-        r = [other for other in self.point.model.loads if isinstance(other, Actuator)].index(load)
+        r = self.point.model.actuators.index(load)
         at_coordinates = self.found.coordinate
         row = result_row(self.system, self.found.start, r)
         force = (row * self.found.force_scale)[at_coordinates]
@@ -182,9 +182,8 @@ class _Maker:
     def load(self, name: str, load: ConcentratedLoad) -> Input:
         """An input that is added to the factor of a concentrated load."""
         forces, model = self.system.forces, self.point.model
-        concentrated = [other for other in model.loads if isinstance(other, ConcentratedLoad)]
         by_expression = load.expression is not None
-        alike = [other for other in concentrated if (other.expression is not None) == by_expression]
+        alike = model.controlled if by_expression else model.concentrated
         k, value = alike.index(load), 1.0
         group = forces.controlled.loads if by_expression and forces.controlled else None
         group = group or forces.concentrated
