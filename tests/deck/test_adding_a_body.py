@@ -28,35 +28,26 @@ def test_a_kind_of_body_changes_at_most_eight_files():
     assert len(set(files)) + 3 <= 8
 
 
-def test_every_command_runs_with_the_body(checkout):
+def test_the_body_is_shown_and_run(checkout):
     call_all(
         checkout,
         "msahl check ball.xml",
-        "msahl explain ball.xml",
-        "msahl show ball.xml -o all/show.html",
-        "msahl run ball.xml --scheme gauss3 --dt 0.1 -o all/run "
+        "msahl show ball.xml -o show.html",
+        "msahl run ball.xml --scheme gauss3 --dt 0.1 -o run "
         "--gradient 'Axle.angle final' --wrt Ball.radius",
-        "msahl-post report all/run",
-        "msahl-post view all/run",
-        "msahl-post export all/run --glb",
-        "msahl linearize ball.xml -o all/linear.json",
-        "msahl equilibrium ball.xml -o all/equilibrium",
-        "msahl modes all/equilibrium/equilibrium1.xml -o all/modes",
     )
-    angle = pd.read_csv(checkout / "all" / "run" / "joints.csv")["Axle.angle"].iloc[-1]
+    angle = pd.read_csv(checkout / "run" / "joints.csv")["Axle.angle"].iloc[-1]
     assert angle == pytest.approx(0.2 * np.sin(10.0), abs=1e-4)  # order 6, 1 rad a step: 1/7!
-    gradient = pd.read_csv(checkout / "all" / "run" / "gradients.csv").iloc[0]
+    gradient = pd.read_csv(checkout / "run" / "gradients.csv").iloc[0]
     # Omega = sqrt(k/J) goes with 1/r, of 100 mm, and q = w0/Omega sin(Omega t).
     by_r = (0.2 * np.sin(10.0) - 2.0 * np.cos(10.0)) / 100.0
     assert gradient["derivative"] == pytest.approx(by_r, rel=1e-3)  # likewise
-    modes = pd.read_csv(checkout / "all" / "modes" / "modes.csv")
-    assert np.abs(modes["imaginary"]).max() == pytest.approx(10.0, rel=1e-9)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (">100<", ">0<", "inertia"),
+        (">100<", ">0<", "principal moments about G 0, 0, 0 kg-m^2"),
         (">2</mass>", ">-2</mass>", "the mass is -2 kg; it must be greater than zero"),
     ],
 )

@@ -185,10 +185,10 @@ class _Maker:
         by_expression = load.expression is not None
         alike = model.controlled if by_expression else model.concentrated
         k, value = alike.index(load), 1.0
-        group = forces.controlled.loads if by_expression and forces.controlled else None
-        group = group or forces.concentrated
+        group = forces.concentrated
         if by_expression and forces.controlled and forces.signals:
-            place = forces.signals.result[forces.controlled.first_result + k]
+            group = forces.controlled
+            place = forces.signals.result[len(model.actuators) + k]
             value = float(self.found.start.forces.signals.values.value[place])
         elif group.law[k] >= 0:
             value = law(self.system.laws, int(group.law[k]), self.point.time)[0]
