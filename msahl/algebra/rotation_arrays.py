@@ -6,6 +6,8 @@ Tables of results hold Wiener-Milenkovic parameters.
 import numpy as np
 from numpy.typing import ArrayLike
 
+from msahl.algebra.vector import Vector
+
 
 def quaternions(p: np.ndarray) -> np.ndarray:
     """Return the Euler parameters (..., 4) of Wiener-Milenkovic ones: unit quaternions, scalar
@@ -86,6 +88,12 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     out[..., 0], out[..., 1], out[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     return out
+
+
+def plain_vector(a: np.ndarray) -> Vector:
+    """Return an array (3,) as a tuple of floats, without minus before a zero."""
+    x, y, z = (a + 0.0).tolist()
+    return (x, y, z)
 
 
 _CYCLE = ((1, 2), (2, 0), (0, 1))
