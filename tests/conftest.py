@@ -1,6 +1,11 @@
 """What all tests share: hypothesis draws the same examples every time, and takes its time."""
 
 import gc
+import os
+
+# Tests run one in each core; a second thread for matrices of tests' sizes only waits for its turn,
+# which takes ten times the time. Numpy reads this when it is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hypothesis import settings
 
