@@ -3,8 +3,8 @@
 import gc
 import os
 
-# Tests run one in each core; a second thread for matrices of tests' sizes only waits for its turn,
-# which takes ten times the time. Numpy reads this when it is imported.
+# Tests run one in each core; a second thread for matrices of tests' sizes waits for the other
+# tests, which takes ten times the time. Numpy reads this when it is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hypothesis import settings
