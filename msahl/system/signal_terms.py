@@ -6,7 +6,6 @@ import numpy as np
 
 from msahl.elements.constraints.coordinate_kinds import ANGLE
 from msahl.elements.signals import group as kinds
-from msahl.elements.signals import results
 from msahl.expressions.tape import magnitudes
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
@@ -33,8 +32,7 @@ def tape_terms(
     group = system.forces.signals
     assert group is not None, "a system with signals"
     with np.errstate(all="ignore"):
-        forces.set_prepared_inputs(group, start.forces, system.scalar)
-        results.evaluate(group, start.forces.signals)
+        forces.set_expressions(group, start.forces, system.scalar)
         given = np.append(_inputs(group, system.scalar, scales), states)
         return magnitudes(group.tape, start.forces.signals.values, given, scales.time > 0.0)
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
-from msahl.study import search, study
+from msahl.study import page, search, study
 from msahl.study.plan import Plan
 from tests.support.models import ROOT, body, build_model
 
@@ -33,7 +33,8 @@ def clock(monkeypatch):
         monkeypatch.setattr(module, "working_clock", lambda: next(seconds))
 
 
-def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock):
+def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr(page, "_pictures", lambda study: [])  # they are those of the next test
     schemes = ("--scheme", "preserving", "--scheme", "gauss2", "--scheme", "auto")
     # "auto" would take another reference on a busy machine.
     words = ("--t-final", 0.3, "--budget", 4, "--target", 1e-3, "--reference", "independent")

@@ -67,7 +67,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead the links of a page, which hold in the repository, to the pages of the site."""
+    """Insert docstrings, and lead the links, which hold in the repository, to pages of the site."""
     uri = page.file.src_uri
     outside = uri in OUTSIDE
     folder = posixpath.dirname(uri if outside else f"docs/{uri}")
@@ -79,11 +79,17 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         if path.startswith("decks/") and path.endswith(".xml"):
             _, family, name = path.split("/")
             site, anchor = f"examples/{family}.md", f"#{Path(name).stem}"
+        if path.startswith("msahl/") and path.endswith(".py"):
+            module = path.removesuffix(".py").replace("/", ".")
+            site, anchor = f"api/{module.rpartition('.')[0]}.md", f"#{module}"
         if files.get_file_from_path(site) is None:
             return match[0]
         return start + posixpath.relpath(site, posixpath.dirname(uri) or ".") + (anchor or "") + end
 
-    return LINK.sub(lead, markdown)
+    sys.path.insert(0, str(ROOT))
+    from tools.docs.docstrings import insert_docstrings
+
+    return LINK.sub(lead, insert_docstrings(markdown))
 
 
 def example_pages() -> dict[str, str]:
