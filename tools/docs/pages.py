@@ -11,6 +11,7 @@ import posixpath
 import re
 import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import click
@@ -142,9 +143,21 @@ def playable(family: str, path: Path) -> str:
     )
 
 
+@cache
 def deck_title(path: Path) -> str:
-    """Return the title of a deck."""
-    return etree.parse(path).findtext(".//simulation/title") or path.stem
+    """Return the title of a deck; where others of its folder have the same, the first sentence of
+    its header."""
+    own = _own_title(path)
+    others = (other for other in path.parent.glob("*.xml") if other != path)
+    if own and own not in map(_own_title, others):
+        return own
+    found = re.search(r"<!--\s*(.*?)\.?\s*\n\s*\n", path.read_text(encoding="utf-8"), re.DOTALL)
+    return " ".join(found[1].split()) if found else path.stem
+
+
+@cache
+def _own_title(path: Path) -> str:
+    return etree.parse(path).findtext(".//simulation/title") or ""
 
 
 def player_files() -> dict[str, str]:
@@ -264,4 +277,4 @@ def first_line(path: Path) -> str:
 
 def generated(source: str) -> str:
     """Return the note at the top of a generated page."""
-    return f"*Generated from {source} by `make docs`; do not edit.*\n"
+    return f"<!-- Generated from {source} by make docs; do not edit. -->\n"
