@@ -34,6 +34,9 @@ class Extremes:
         self.scale = scale
         self.balance = sum(float(rows[0, BALANCE]) for rows in first)
         self.error = self.squares = self.kinetic = self.local = 0.0
+        self.between: float | None = (
+            None  # as ``error``, at output times between steps; None without any
+        )
         self.steps = 0
         self.worst = [0.0] * (LOCAL + 1)  # largest value of each column of the monitor
         self.add(first)
@@ -55,6 +58,11 @@ class Extremes:
         ]
         self.local = _sum(self.local, worst[:, LOCAL])
 
+    def add_rows(self, balances: Sequence[np.ndarray]) -> None:
+        """Add output times between steps, by their ``balances`` (rows,) [J] of each subsystem."""
+        error = np.abs(np.sum(balances, axis=0) - self.balance)
+        self.between = max(self.between or 0.0, float(error.max()))
+
     def raise_scale(self, energy: float) -> None:
         """Raise the energy scale to this ``energy`` [J] if it is smaller."""
         self.scale = max(self.scale, energy)
@@ -75,6 +83,7 @@ class Extremes:
             "scale": self.scale,
             "balance": self.balance,
             "error": self.error,
+            "between": self.between,
             "squares": self.squares,
             "kinetic": self.kinetic,
             "local": self.local,
@@ -86,6 +95,7 @@ class Extremes:
         """Restore what ``numbers`` returned."""
         self.scale, self.balance = numbers["scale"], numbers["balance"]
         self.error, self.squares = numbers["error"], numbers["squares"]
+        self.between = numbers["between"]
         self.kinetic, self.local = numbers["kinetic"], numbers["local"]
         self.steps, self.worst = numbers["steps"], list(numbers["worst"])
 
@@ -99,6 +109,7 @@ class Extremes:
             "largestKineticEnergy": self.kinetic,
             "energyErrorMax": self.error,
             "energyErrorMaxRelative": self.error / self.kinetic if moves else None,
+            "energyErrorBetweenSteps": self.between,
             "energyErrorRms": (self.squares / max(self.steps, 1)) ** 0.5,
             "constraintViolationMax": self.worst[VIOLATION],
             "constraintViolationRateMax": self.worst[VIOLATION_RATE],

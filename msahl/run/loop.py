@@ -372,7 +372,7 @@ class TimeLoop:
         steps = Steps(chunk.begin, advance.sizes, advance.ends, advance.parts)
         if self._publish(times, self._follow(steps, advance.schedule, times)):
             self.setup.plan.accept(advance)
-            self.record.add(advance.steps)
+            self.record.add(advance.steps, advance.schedule.between)
             if self.hooks.accepted:
                 degree = self.setup.integrators[0].stepper.counters.get("degree", 0)
                 self.hooks.accepted(steps, advance.schedule, times, degree)

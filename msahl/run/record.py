@@ -7,6 +7,7 @@ import numpy as np
 from msahl.model import RunSettings
 from msahl.ports import forces
 from msahl.run.extremes import Extremes
+from msahl.run.row_energy import row_balance
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.diagnostics import STOP
 from msahl.system.momentum import Momentum, drift, is_alone, momentum
@@ -24,12 +25,14 @@ class Record:
         self.extremes.raise_scale(sum(map(_work_of_reactions, integrators)))
         self.momenta = [_momentum(integrator) for integrator in integrators]  # at t = 0
 
-    def add(self, steps: int) -> None:
-        """Add the first ``steps`` steps of the present chunk."""
+    def add(self, steps: int, between: np.ndarray) -> None:
+        """Add the first ``steps`` steps of the chunk, and its rows that are ``between`` them."""
         self.extremes.add(
             [integrator.workspace.monitor.rows[:steps, :STOP] for integrator in self.integrators]
         )
         self.extremes.raise_scale(sum(map(_work_of_reactions, self.integrators)))
+        if between.size:
+            self.extremes.add_rows([row_balance(one, between) for one in self.integrators])
 
     @property
     def length(self) -> float:

@@ -181,6 +181,7 @@ def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
     error, kinetic = figures.extreme("energyErrorMax"), figures.extreme("largestKineticEnergy")
     floor = ROUND_OFF * figures.energy_size
     if figures.extremes["energyErrorMaxRelative"] is None:
+        error = max(error, figures.extremes.get("energyErrorBetweenSteps") or 0.0)
         word = grade(error, floor, floor)
         yield Finding("energy", word, f"nothing moves, and the energy error is {error:.1e} J")
         return
@@ -198,7 +199,43 @@ def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
             f", in the second half of the run {lost:.1e} at half the step as well: the energies or "
             "works are not those of the motion; try --scheme preserving, whose balance shows it"
         )
-    yield Finding("energy", word, f"{text}{more}")
+    of_rows, text_of_rows = _energy_between_steps(figures, limits)
+    word = max(word, of_rows, key=WORDS.index)
+    yield Finding("energy", word, f"{text}{more}{text_of_rows}")
+
+
+def _energy_between_steps(figures: Figures, limits: Limits) -> tuple[str, str]:
+    """The word for the output times between steps, where motion and works are interpolated, and
+    what there is to say of them.
+    """
+    error = figures.extremes.get("energyErrorBetweenSteps")
+    kinetic = figures.extreme("largestKineticEnergy")
+    if error is None:
+        return PASS, ""
+    limit, fail = _limits_of(limits.energy, *_energy_limits_between_steps(figures))
+    word = grade(error, max(limit * kinetic, ROUND_OFF * figures.energy_size), fail * kinetic)
+    text = f"; at output times between steps to {error / kinetic:.1e}"
+    if word == PASS:
+        return word, text if error > figures.extreme("energyErrorMax") else ""
+    remedy = "reduce --tolerance"
+    if figures.tolerance is None and figures.local_tolerance is None:
+        remedy = "reduce --dt, or let the output interval be a multiple of the step"
+    more = "energies and works are interpolated there, and less accurate than at the steps"
+    return word, f"{text}: {more}; {remedy}"
+
+
+def _energy_limits_between_steps(figures: Figures) -> tuple[float, float]:
+    """As ``_energy_limits``, between steps. What a position error does to the energy there
+    depends on how far the model moves: it may vibrate by less than its length.
+    """
+    asked = figures.tolerance or figures.local_tolerance or (figures.error or {}).get("accuracy")
+    if asked is None:
+        return ERROR, ERROR_FAIL
+    rotation = figures.length * figures.extreme("rotationPerStepMax")
+    size = min(figures.length, max(figures.extreme("displacementMax"), rotation))
+    allowed = ERROR_FAIL if size == 0.0 else min(WARN_FACTOR * float(asked) / size, ERROR_FAIL)
+    limit = max(ENERGY, allowed)
+    return limit, max(ERROR_FAIL, WARN_FACTOR * limit)
 
 
 def _energy_limits(figures: Figures) -> tuple[float, float]:

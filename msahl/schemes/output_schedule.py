@@ -57,6 +57,11 @@ class OutputSchedule:
         """Number of steps of the chunk."""
         return len(self.due) - 1
 
+    @property
+    def between(self) -> np.ndarray:
+        """The rows that are at no step's end."""
+        return np.flatnonzero(self.share[: self.due[-1]] < 1.0)
+
     def ends(self) -> np.ndarray:
         """(steps,) the row at each step's end, -1 where there is none."""
         last = self.due[1:] - 1

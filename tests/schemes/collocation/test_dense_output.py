@@ -11,7 +11,9 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.deck import check_simulation
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.time_grid import TimeGrid
+from msahl.run.verdict import PASS
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
 from tests.support.closed_forms import recognise
@@ -106,6 +108,51 @@ def test_the_companion_follows_between_steps():
     run = between_rows(deck("double_pendulum_89"), 3, 0.05, 0.03, 1.0, accuracy=1e-4)
     assert run.report.error["trustHorizon"] == 1.0
     assert 0.0 < run.report.error["position"] < 1e-4
+
+
+def test_the_energy_between_steps_is_a_figure():
+    """By hand: a rod that swings, whose rows are interpolated by a polynomial of degree 5."""
+    run = between_rows(deck("single_pendulum_45"), 1, 0.1, 0.03, 2.0)
+    (bob,) = run.model.bodies
+    v, w, x = (run.of(name) for name in ("velocity", "spin", "position"))
+    spin = 0.5 * np.einsum("ti,ij,tj->t", w, np.array(bob.inertia), w)
+    energy = 0.5 * bob.mass * (v**2).sum(axis=1) + spin - bob.mass * x @ run.model.gravity
+    between = np.abs(np.mod(run.time / 0.1 + 0.5, 1.0) - 0.5) > 1e-6
+    error = np.abs(energy - energy[0])[between].max()
+    figures = run.report.extremes
+    assert figures["energyErrorBetweenSteps"] == pytest.approx(error, rel=1e-9)
+    at_ends = between_rows(deck("single_pendulum_45"), 1, 0.1, 0.2, 2.0)
+    assert at_ends.report.extremes["energyErrorBetweenSteps"] is None
+
+
+WRONG = {
+    "nothing": ("states", 0, 1.0),
+    "velocities": ("states", 6, 1.05),
+    "works": ("work", 0, 1.3),
+}
+"""By what is falsified: its table, the first of three columns, and a factor."""
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("scheme", ["gauss3", "radau3", "auto"])
+def test_wrong_output_between_steps_does_not_pass(monkeypatch, wrong, scheme):
+    """Those of the companion are as wrong: nothing but their energy says so."""
+    advance, (table, first, factor) = SubsystemIntegrator.advance, WRONG[wrong]
+
+    def falsified(integrator, *chunk):
+        done = advance(integrator, *chunk)
+        rows = getattr(integrator.workspace.tables, table)
+        rows[done.schedule.between, first : first + 3] *= factor
+        return done
+
+    monkeypatch.setattr(SubsystemIntegrator, "advance", falsified)
+    model = deck("spring_damper")
+    tolerance = 1e-5 if scheme == "auto" else None
+    given = replace(model.simulation, output_interval=0.013, tolerance=tolerance)
+    run = simulate(replace(model, simulation=given), 0.04, 0.5, scheme, solver="newton")
+    check = run.report.verdict["checks"]["energy"]
+    assert (check["word"] == PASS) == (wrong == "nothing"), check
+    assert wrong == "nothing" or "at output times between steps" in check["text"]
 
 
 def test_the_command_and_the_deck_ask_for_rows(tmp_path):

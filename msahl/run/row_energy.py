@@ -1,0 +1,32 @@
+"""The energy balance of rows that lie between steps, from the numbers that the tables have there.
+
+    balance = kinetic + potential + elastic energy - works                                    [J]
+
+Such rows are interpolated. Their motion comes from polynomials, and their works from powers along
+these, so the balance of the steps says nothing of them.
+"""
+
+import numpy as np
+
+from msahl.algebra.rotation_arrays import rotations
+from msahl.formulations.absolute.rigid_body import STATE_SIZE, RigidBodies
+from msahl.joints.coordinates import cross, dot, rotated
+from msahl.run.subsystem import SubsystemIntegrator
+
+
+def row_balance(integrator: SubsystemIntegrator, rows: np.ndarray) -> np.ndarray:
+    """Return the energy balances (m,) [J] of a subsystem in these ``rows`` of the present chunk."""
+    tables, works = integrator.workspace.tables, integrator.workspace.state.work.size
+    energy = _of_bodies(integrator.workspace.system.bodies, tables.states[rows])
+    return energy + tables.work[rows, works:].sum(axis=1) - tables.work[rows, :works].sum(axis=1)
+
+
+def _of_bodies(bodies: RigidBodies, states: np.ndarray) -> np.ndarray:
+    """Return the kinetic and potential energies (m,) of bodies with these ``states`` (m, 12 n)."""
+    parts = states[:, bodies.column[:, None] + np.arange(STATE_SIZE)]  # (m, n, 12)
+    x, p, v, w = (parts[..., 3 * i : 3 * i + 3] for i in range(4))
+    mass, to_centre = 1.0 / bodies.inverse_mass, bodies.r_BG
+    v = v + cross(w, to_centre)  # in axes of the body, which do not matter here
+    kinetic = 0.5 * (mass * dot(v, v) + dot(w, rotated(bodies.inertia, w)))
+    potential = -mass * ((x + rotated(rotations(p), to_centre)) @ bodies.gravity)
+    return np.asarray((kinetic + potential).sum(axis=1))
