@@ -136,7 +136,7 @@ def _require_few_zeros(found: Coefficients) -> None:
 
 def _require_stiffness(of: Pencil) -> None:
     """Raise ``StartError`` if the stiffness has so many directions without any, as those across
-    single springs, that there are too many zeros: one factorisation tells, where eigenvectors
+    single springs, that there are too many zeros: counted by one factorisation, where eigenvectors
     would be sought for minutes.
     """
     zeros = without_stiffness(of) - of.independent
