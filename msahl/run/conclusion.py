@@ -84,7 +84,8 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
         rotation = record.length * (extremes["rotationPerStepMax"] or 0.0)
         displacement = displacement - rotation if rotation < ROTATES * displacement else 0.0
         friction = [
-            unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
+            unresolved_friction(integrator, settings.order, h, report.time)
+            for integrator in setup.integrators
         ]
         estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
     if estimate and (unexplained := estimate.taken_at_any_step(setup.integrators)) is not None:
