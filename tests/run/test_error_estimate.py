@@ -202,9 +202,7 @@ def test_friction_that_is_not_resolved_is_an_error(tmp_path):
     assert fine.report.error["position"] < 4.3e-4
 
 
-@pytest.mark.parametrize(
-    ("scheme", "dt"), [("gauss2", 0.01), ("gauss3", 0.002), ("gauss4", 0.002), ("radau2", 0.01)]
-)
+@pytest.mark.parametrize(("scheme", "dt"), [("gauss2", 0.01), ("gauss3", 0.002), ("radau2", 0.01)])
 def test_friction_that_steps_end_at_is_not_unseen(scheme, dt):
     """Schemes of higher order end steps at the width of friction: what both runs miss is beyond
     it, and nothing where steps resolve it (1e-4 m for 3e-8 in 0.2 s before).
