@@ -158,7 +158,7 @@ class _Placing:
             *references,
         )
 
-    def plain_vector(self, element: Element, side: str, tag: str) -> Vector | None:
+    def _vector(self, element: Element, side: str, tag: str) -> Vector | None:
         """Return a vector of one end in its body's own axes, None without it."""
         own, given = text(element.find(f"{side}/name")), element.find(f"{side}/{tag}")
         if given is None:

@@ -202,8 +202,9 @@ def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) 
         along=_along(elements, topology),
         compliance=_compliances(elements, topology, frames),
         actuator=None if topology.actuator is None else Actuators(**topology.actuator),
-        controlled=topology.controlled
-        and _concentrated(elements, elements.controlled, topology.controlled),
+        controlled=None
+        if topology.controlled is None
+        else _concentrated(elements, elements.controlled, topology.controlled),
         signals=_signals(elements, topology),
         laws=laws,
     )

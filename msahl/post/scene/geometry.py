@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from msahl.algebra.rotation_arrays import euler_parameters, matrices
 
@@ -31,7 +32,7 @@ def along(direction: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def smallest_rotation(before: Sequence[float], after: Sequence[float]) -> np.ndarray:
+def smallest_rotation(before: ArrayLike, after: ArrayLike) -> np.ndarray:
     """Return the quaternion (4,) of the smallest rotation from one unit vector to another."""
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
     w, v = 1.0 + a @ b, np.cross(a, b)
