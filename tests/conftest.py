@@ -14,6 +14,14 @@ from tests.support.browser import browser, open_page  # noqa: F401
 settings.register_profile("steady", derandomize=True, deadline=None, database=None)
 settings.load_profile("steady")
 
+LONG = ("test_installation.py", "test_kills.py")
+"""Files whose tests take a minute and more each."""
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the long tests: at the end one core would wait for the other."""
+    items.sort(key=lambda item: item.path.name not in LONG)
+
 
 def pytest_collection_finish():
     """Keep the collector from going through ten thousand tests, a second each time."""

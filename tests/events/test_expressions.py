@@ -14,7 +14,8 @@ from msahl.model import ConcentratedLoad, Joint, JointActuator, Options, SignalS
 from msahl.model.signals import SignalTable
 from tests.run.test_resume import advance as in_memory
 from tests.run.test_resume import bits, in_two_parts
-from tests.support.models import GROUND, body, build_model, simulate
+from tests.support.models import GROUND, body, build_model
+from tests.support.models import simulate_and_estimate as simulate
 
 MASS = 2.0
 HALF = math.pi / 10.0
