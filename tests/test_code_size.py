@@ -2,7 +2,7 @@
 
 import ast
 
-from tests.test_import_order import SOURCES
+from tests.test_import_order import sources
 
 MOST_LINES, MOST_PARAMETERS = 50, 7
 
@@ -40,7 +40,7 @@ longer needed fails."""
 
 def functions():
     """Every function of the package: its name with module and class, and its syntax tree."""
-    for module, tree in SOURCES.items():
+    for module, tree in sources().items():
         yield from named(module, tree)
 
 

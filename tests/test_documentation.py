@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import inspect
 import re
 import shutil
 import subprocess
@@ -12,9 +13,12 @@ import click
 import pytest
 
 from msahl.formulations.absolute import rigid_body
+from msahl.joints.registry import KINDS
+from msahl.laws.registry import COORDINATE_LAWS, POINT_LAWS
 from msahl.ports import coordinate, point
 from tests.support.guide import section
 from tests.support.models import ROOT
+from tools.docs.docstrings import MARK, insert_docstrings, modules
 
 PAGES = [
     ROOT / "README.md",
@@ -24,7 +28,7 @@ PAGES = [
 ]
 
 
-ADDED = {"point_on_cylinder", "viscous", "viscous_drag", "cogging"}
+ADDED = {"point_on_cylinder", "viscous", "viscous_drag", "cogging", "ball"}
 """Files that a reader of the guide to new elements makes."""
 
 
@@ -108,6 +112,20 @@ def test_the_guide_names_the_functions_of_an_element(heading, module):
     names = functions_of(heading)
     assert len(names) >= 8
     assert [name for name in names if not hasattr(module, name)] == []
+
+
+def test_the_theory_has_every_law_by_its_docstring():
+    theory = (ROOT / "docs" / "theory.md").read_text()
+    asked = {path for match in MARK.finditer(theory) for path in modules(match[1])}
+    laws = [law.load for law in POINT_LAWS.values()]
+    laws += [law.potential for law in COORDINATE_LAWS.values() if law.is_elastic]
+    laws += [law.resistance for law in COORDINATE_LAWS.values() if not law.is_elastic]
+    laws += [kind.equations for kind in KINDS.values()]
+    assert {Path(inspect.getfile(law)) for law in laws} <= asked
+    page = insert_docstrings(theory)
+    assert "F = -c |V| V" in page
+    assert "coincide, parallel axes" in page
+    assert "F = -c |V| V" not in theory  # it stands beside the code alone
 
 
 def test_the_readme_is_short():

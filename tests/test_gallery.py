@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from tests.support.models import ROOT
 from tools.docs.gallery import MOTIONS, THUMBS, as_script, player_page
 
@@ -20,6 +22,15 @@ def test_every_deck_has_a_motion_and_a_picture():
     assert len(names(MOTIONS)) > 0.8 * len(decks)
     files = [*MOTIONS.glob("*/*.json"), *THUMBS.glob("*/*.webp")]
     assert sum(path.stat().st_size for path in files) < MOST_BYTES
+
+
+def test_titles_on_a_page_differ():
+    """Of old decks that share a title it is the first sentence of the header."""
+    deck_title = pytest.importorskip("tools.docs.pages").deck_title  # needs mkdocs
+    for folder in (ROOT / "decks").iterdir():
+        titles = [deck_title(path) for path in folder.glob("*.xml")]
+        assert len(set(titles)) == len(titles)
+    assert deck_title(ROOT / "decks/thesis/top_2.xml") == "Heavy top on a ball joint, case 2"
 
 
 def test_motions_are_of_the_decks_as_they_are():

@@ -1,6 +1,7 @@
 """Packages import only packages below them, modules import in no circle, each says what it does."""
 
 import ast
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -47,6 +48,7 @@ ORDER = (
 """Packages from the bottom to the top: each may import those before it."""
 
 
+@cache
 def sources():
     """Every module of the package and its syntax tree."""
     return {name_of(path): ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
@@ -55,9 +57,6 @@ def sources():
 def name_of(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-SOURCES = sources()
 
 
 def imported_by(tree):
@@ -70,10 +69,12 @@ def imported_by(tree):
             assert node.level == 0
             for name in node.names:
                 module = f"{node.module}.{name.name}"
-                yield module if module in SOURCES else node.module
+                yield module if module in sources() else node.module
 
 
-IMPORTS = {name: set(imported_by(tree)) - {name} for name, tree in SOURCES.items()}
+@cache
+def imports():
+    return {name: set(imported_by(tree)) - {name} for name, tree in sources().items()}
 
 
 def rank(module):
@@ -84,14 +85,14 @@ def rank(module):
 
 
 def test_every_package_has_a_place_in_the_order():
-    found = {module.split(".")[1] for module in SOURCES if module not in ("msahl", *LEAVES)}
+    found = {module.split(".")[1] for module in sources() if module not in ("msahl", *LEAVES)}
     assert found == set(ORDER)
 
 
 def test_no_module_imports_from_a_package_above_its_own():
     upward = {
         f"{module} -> {imported}"
-        for module, all_imported in IMPORTS.items()
+        for module, all_imported in imports().items()
         for imported in all_imported
         if rank(imported) > rank(module)
     }
@@ -100,19 +101,19 @@ def test_no_module_imports_from_a_package_above_its_own():
 
 def test_leaves_import_nothing_but_leaves():
     for leaf in LEAVES:
-        assert set(LEAVES) >= IMPORTS[leaf]
+        assert set(LEAVES) >= imports()[leaf]
 
 
 def test_no_modules_import_each_other_in_a_circle():
     try:
-        TopologicalSorter(IMPORTS).prepare()
+        TopologicalSorter(imports()).prepare()
     except CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
 
 
 def test_every_modules_docstring_begins_with_a_sentence_on_one_line():
     first_lines = {
-        module: (ast.get_docstring(tree) or "").split("\n")[0] for module, tree in SOURCES.items()
+        module: (ast.get_docstring(tree) or "").split("\n")[0] for module, tree in sources().items()
     }
     broken = {
         module for module, line in first_lines.items() if not line.endswith(".") or "TODO" in line

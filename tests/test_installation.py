@@ -1,7 +1,8 @@
 """Every way to install msahl gives a program that runs a deck, and the first pages hold as written.
 
-Each installation has a fresh environment, filled by pip from the index of packages. Those that
-compile share one cache of kernels, since their sources are equal.
+Each installation has a fresh environment, filled by pip from the index of packages. They find the
+kernels of the tests, since their sources are equal; that an installed msahl compiles its own is
+shown by tests/cli/test_commands.py.
 """
 
 import os
@@ -65,13 +66,13 @@ def shown(text):
             yield from without_numbers(block).split(" ...")
 
 
-def execute(commands, folder, kernels, path=()):
+def execute(commands, folder, path=()):
     """What the shell commands print; fails at the first that fails."""
     foreign = {"PYTHONPATH", "VIRTUAL_ENV", "NUMBA_DISABLE_JIT", "MAKEFLAGS", "MFLAGS", "MAKELEVEL"}
     environment = {name: value for name, value in os.environ.items() if name not in foreign}
     found = [*map(str, path), str(Path(sys.base_prefix) / "bin"), environment["PATH"]]
     # What is not imported need not be translated to bytecode: half of pip's time.
-    environment |= {"NUMBA_CACHE_DIR": str(kernels), "PIP_NO_COMPILE": "1"}
+    environment["PIP_NO_COMPILE"] = "1"
     environment["PATH"] = os.pathsep.join(found)
     result = subprocess.run(
         ["bash", "-exc", commands], cwd=folder, env=environment, text=True, timeout=SECONDS,
@@ -79,13 +80,6 @@ def execute(commands, folder, kernels, path=()):
     )  # fmt: skip
     assert result.returncode == 0, result.stdout[-3000:]
     return result.stdout
-
-
-@pytest.fixture(scope="module")
-def kernels(tmp_path_factory):
-    """One cache for all that compile, in whichever process of the tests."""
-    base = tmp_path_factory.getbasetemp()
-    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels"
 
 
 @pytest.fixture
@@ -103,22 +97,22 @@ def test_the_page_has_commands(page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_commands_of_the_page_run_as_written(page, folder, kernels):
+def test_commands_of_the_page_run_as_written(page, folder):
     """The README installs an editable copy (``make run``), Getting started the sources."""
     copy_sources(folder)
     shutil.copy(ROOT / "Makefile", folder)
     text = (ROOT / page).read_text()
-    printed = without_numbers(execute(script(text), folder, kernels, [folder / ".venv" / "bin"]))
+    printed = without_numbers(execute(script(text), folder, [folder / ".venv" / "bin"]))
     assert [piece for piece in shown(text) if piece not in printed] == []
 
 
-def test_a_source_distribution_runs_a_deck(folder, kernels):
+def test_a_source_distribution_runs_a_deck(folder):
     copy_sources(folder)
     commands = (
         "python3 -m venv .venv\n.venv/bin/pip install -q build\n.venv/bin/python -m build -s\n"
         "rm -r msahl decks schemas\npip install -q dist/*.tar.gz\n"
     )
-    execute(commands + RUN, folder, kernels, [folder / ".venv" / "bin"])
+    execute(commands + RUN, folder, [folder / ".venv" / "bin"])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the wheel is for Linux")
@@ -129,7 +123,8 @@ def test_a_platform_wheel_runs_a_deck_without_numba(folder):
     build = [sys.executable, "-m", "tools.build_wheel", "-o", folder, deck]
     subprocess.run(build, cwd=ROOT, check=True)
     install = "python3 -m venv .venv\npip install -q *.whl\n! python -c 'import numba'\n"
-    execute(install + RUN, folder, folder / "kernels", [folder / ".venv" / "bin"])
+    own = f"export NUMBA_CACHE_DIR={folder / 'kernels'}\n"
+    execute(install + own + RUN, folder, [folder / ".venv" / "bin"])
     assert not (folder / "kernels").exists()
     (package,) = folder.glob(".venv/lib/*/site-packages/msahl/kernels")
     assert sorted(path.name for path in package.iterdir()) == sorted(PORTABLE)

@@ -156,6 +156,13 @@ def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
     return (value, rate, second) if inside else (value, 0.0, 0.0)
 
 
+def steepest(laws: Laws, law: int) -> float:
+    """Return the largest slope that a table has at one of its entries."""
+    first = laws.first[law]
+    breaks = laws.numbers[first + 2 : first + 3 + int(laws.numbers[first])]
+    return max(abs(evaluate(laws, law, float(x))[1]) for x in breaks)
+
+
 @apart
 def extent(laws: Laws, law: int, t: float) -> float:
     """Return the sum of the sizes of the terms in the value of ``law`` at ``t``: the round-off of

@@ -58,8 +58,9 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
     tell("compiling the kernels of large models, reports and studies")
     by_size.LARGE, large = 1, by_size.LARGE
     try:
+        # In one go, so that no core waits for the last kernel of a model.
+        prepare([call for model in models for call in _calls(model)])
         for model in models:
-            prepare(_calls(model))
             with suppress(StartError):
                 at = at_start(model)
                 newton(Statics(at.system, at.state), at.state, most=1)

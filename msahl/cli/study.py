@@ -64,8 +64,9 @@ COMMAND_SECONDS = 1.6
 @click.option("--target", type=NumberType(min=0.0, min_open=True), default=1e-6,
               show_default=True, help="Set the largest error allowed, in the unit of "
               "--metric.")  # fmt: skip
-@click.option("--metric", type=click.Choice(METRIC_KEYS), default="position",
-              show_default=True, help="Choose the error that the target limits.")  # fmt: skip
+@click.option("--metric", type=click.Choice(METRIC_KEYS),
+              help="Choose the error that the target limits (default: position, or orientation "
+              "where no body's reference point moves).")  # fmt: skip
 @click.option("--t-final", type=NumberType(), metavar="S",
               help="Set the end of the runs in seconds (default: tFinal of the deck).")  # fmt: skip
 @click.option("--over", type=click.Choice(["elements"]),
@@ -154,8 +155,9 @@ def _plan(deck: Path, given: dict[str, Any]) -> "Plan":
         raise ResultError(
             f"--dt: the scheme {AUTO} chooses its step size; name another --scheme, or omit --dt"
         )
-    names = ("steps", "schemes", "reference", "repeats", "target", "metric", "budget")
-    return Plan(model, **{name: given[name] for name in names})
+    names = ("steps", "schemes", "reference", "repeats", "target", "budget")
+    metric = given["metric"] or Plan.metric
+    return Plan(model, metric=metric, **{name: given[name] for name in names})
 
 
 def _carry_out(
@@ -163,7 +165,7 @@ def _carry_out(
 ) -> "tuple[Study, Interruption]":
     """Make the runs; ``entered`` is the time of the clock when the command was called [s]."""
     from msahl.jit.compiled import working_clock
-    from msahl.study.study import find_reference
+    from msahl.study.study import default_metric, find_reference
     from msahl.study.study import study as run_study
 
     began = working_clock() - (time.perf_counter() - entered) - START_SECONDS
@@ -171,6 +173,8 @@ def _carry_out(
     with stoppable() as stopped, _shown(deck, plan.budget, began) as (tell, progress):
         progress("reference")
         known = find_reference(plan)
+        if given["metric"] is None:
+            plan = replace(plan, metric=default_metric(plan, known))
         result = run_study(plan, progress, stopped, known, tell, until - COMMAND_SECONDS)
         result = replace(
             result, deck=str(deck), given_end=given["t_final"], settings=given["settings"]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import plain_vector
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
 from msahl.beams import sections
 from msahl.beams.lines import Arc, CentreLine, LineError, Spline, Straight, frames
@@ -139,7 +140,7 @@ def _moving(node: RigidBody, frame: _Frame) -> RigidBody:
     """Return a node that moves with the beam's axes as one rigid body."""
     R = np.array(matrix(node.orientation))
     v = R.T @ (frame.v + np.cross(frame.w, np.array(node.position) - frame.x))
-    return replace(node, velocity=_vector(v), angular_velocity=_vector(R.T @ frame.w))
+    return replace(node, velocity=plain_vector(v), angular_velocity=plain_vector(R.T @ frame.w))
 
 
 def _deformed(
@@ -160,18 +161,13 @@ def _deformed(
         moved.append(
             replace(
                 node,
-                position=_vector(x),
-                orientation=_vector(P),
-                velocity=_vector(v),
-                angular_velocity=_vector(w),
+                position=plain_vector(x),
+                orientation=plain_vector(P),
+                velocity=plain_vector(v),
+                angular_velocity=plain_vector(w),
             )
         )
     return tuple(moved)
-
-
-def _vector(a: np.ndarray) -> Vector:
-    x, y, z = (a + 0.0).tolist()  # no minus before a zero
-    return (x, y, z)
 
 
 def _axes(element: Element, line: CentreLine, s: np.ndarray, reader: Reader) -> np.ndarray:
@@ -257,7 +253,7 @@ def _read_sections(
     (K, m, i), (K1, m1, i1) = ends
 
     def of_stiffnesses(t: float) -> Section:
-        inertia = _vector((1.0 - t) * np.array(i) + t * np.array(i1))
+        inertia = plain_vector((1.0 - t) * np.array(i) + t * np.array(i1))
         return sections.section((1.0 - t) * K + t * K1, (1.0 - t) * m + t * m1, inertia, theory)
 
     return of_stiffnesses, (outlines[0], outlines[1])

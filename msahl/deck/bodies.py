@@ -1,5 +1,10 @@
-"""Reader of grounds and rigid bodies: elements -> records."""
+"""Reader of grounds and bodies: elements -> records.
 
+What provides a frame is a ``RigidBody``, whatever its element takes its mass and inertia from:
+``body_at_start`` adds its name and its start. The rest of the program sees the record alone.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -20,13 +25,28 @@ def read_ground(element: Element, reader: Reader) -> Ground:
 
 
 def read_rigid_body(element: Element, reader: Reader) -> RigidBody:
-    """Return the record of a ``<rigidBody>``: position in inertial axes, all else in its own."""
-    name = text(element.find("name"))
-    start = element.find("initialConditions")
-    start = element if start is None else start  # then none of its children is found either
+    """Return the record of a ``<rigidBody>``."""
     mass = reader.number(element.find("mass"), "mass")
     r_BG = reader.components(element.find("rGB"))
     inertia, largest = _inertia(element, mass, r_BG, reader)
+    return body_at_start(element, mass, r_BG, inertia, reader, largest)
+
+
+def body_at_start(
+    element: Element,
+    mass: float,
+    r_BG: Vector,
+    inertia: Matrix,
+    reader: Reader,
+    largest: float | None = None,
+) -> RigidBody:
+    """Return the record of a body of any kind, with the name and the start that its element gives:
+    position in inertial axes, all else in its own. ``inertia`` is about G in body axes, ``largest``
+    the largest entry that the deck gives of it, if it gives any.
+    """
+    name = text(element.find("name"))
+    start = element.find("initialConditions")
+    start = element if start is None else start  # then none of its children is found either
     body = RigidBody(
         name=name,
         mass=mass,
@@ -45,7 +65,7 @@ def read_rigid_body(element: Element, reader: Reader) -> RigidBody:
     return body
 
 
-def _check(element: Element, body: RigidBody, largest: float, reader: Reader) -> None:
+def _check(element: Element, body: RigidBody, largest: float | None, reader: Reader) -> None:
     """Add what is wrong with mass and inertia; a tensor about B counts only if the mass and the
     place of the mass centre, by which it is taken to G, are right."""
     findings = list(body_findings(body, largest))
@@ -79,3 +99,10 @@ def about_mass_centre(J_B: Matrix, mass: float, r: Vector) -> Matrix:
     part = symmetric(y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
     rows = (np.array(J_B) - mass * np.array(part)).tolist()
     return (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
+
+
+BODIES: Mapping[str, Callable[[Element, Reader], Ground | RigidBody]] = {
+    "ground": read_ground,
+    "rigidBody": read_rigid_body,
+}
+"""Readers by element, of all kinds but beams."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate, rate_round_off
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import plain_vector
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
 from msahl.check.directions import (
     PARALLEL,
@@ -376,12 +377,12 @@ class _Placing:
                 continue
             place, start = self.places[name], BodyStart()
             if not own.place:
-                start.position = _vector(place.x)
+                start.position = plain_vector(place.x)
                 start.orientation = orientation_of(place)
             rates = self.velocities.get(name)
             if not own.velocity and rates is not None:
-                start.velocity = _vector(place.R.T @ rates.v[0])
-                start.angular_velocity = _vector(place.R.T @ rates.w[0])
+                start.velocity = plain_vector(place.R.T @ rates.v[0])
+                start.angular_velocity = plain_vector(place.R.T @ rates.w[0])
             self.reader.starts[name] = start
         for element in self.elements:
             ends = {text(element.find(f"{side}/name")) for side in SIDES}
@@ -394,8 +395,3 @@ def _given_rates(loops: list[JointStart]) -> Iterator[Relation]:
     for start in loops:
         for column, rate in start.rates.items():
             yield Relation(((start.joint, column, 1.0),), rate)
-
-
-def _vector(a: np.ndarray) -> Vector:
-    x, y, z = (a + 0.0).tolist()  # no minus before a zero
-    return (x, y, z)

@@ -19,7 +19,7 @@ from msahl.check.context import INERTIAL, Context, add_values
 from msahl.check.names import RESERVED, name_messages, signal_name_messages
 from msahl.check.signals import circle_findings
 from msahl.deck.attachments import attach_to_beams
-from msahl.deck.bodies import read_ground, read_rigid_body
+from msahl.deck.bodies import BODIES
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joint_start import gives_starts
@@ -61,7 +61,6 @@ if TYPE_CHECKING:
 
 Read = Callable[[Element, Reader], Any]
 
-BODIES: Mapping[str, Read] = {"ground": read_ground, "rigidBody": read_rigid_body}
 MOTIONS: Mapping[str, Read] = {"jointMotion": read_joint_motion, "pointMotion": read_point_motion}
 LOADS: Mapping[str, Read] = {
     "concentrated": read_concentrated,
@@ -75,6 +74,8 @@ LOADS: Mapping[str, Read] = {
     **dict.fromkeys(JOINT_LAWS, read_joint_load),
     "actuator": read_actuator,
 }
+STILL = {"ground", "beamOfBodies"}
+"""Elements among the bodies that have no frame that moves."""
 ON_BEAMS: Mapping[str, Callable[[Element, Reader], Iterable[ConcentratedLoad]]] = {
     "bodyForce": read_beam_force,
     "distributed": read_line_load,
@@ -368,7 +369,7 @@ def _read_kinds(root: Element, reader: Reader) -> None:
 
 def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
     """Return the record of a ground or body, and make its place known if that has no fault."""
-    body: Ground | RigidBody = BODIES[str(element.tag)](element, reader)
+    body = BODIES[str(element.tag)](element, reader)
     start = element.find("initialConditions")
     placed = start is None or reader.faults.sound(start)
     label = element.find("name")
@@ -385,8 +386,11 @@ def _check_some_body(root: Element, faults: Faults) -> None:
     bodies = root.find("system/bodies")
     for system in root.iterfind("system") if bodies is None else ():
         faults.add(system, "<bodies> is missing; add it to <system>")
-    moving = bodies is not None and (bodies.find("rigidBody"), bodies.find("beam")) != (None, None)
-    if bodies is not None and faults.sound(bodies) and not moving:
+    if (
+        bodies is not None
+        and faults.sound(bodies)
+        and {e.tag for e in bodies.iterfind("*")} <= STILL
+    ):
         faults.add(bodies, "nothing here moves; add a <rigidBody> or a <beam>")
 
 

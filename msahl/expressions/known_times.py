@@ -87,7 +87,8 @@ def known_times(
                 values = bounds(tape, needed, time, of)[place]  # noqa: B023 - called here only
                 return cell(values[0]), cell(values[1])  # noqa: B023
 
-            found = _merged(np.concatenate([found, *_changes(cell_of, found, end)]), end)
+            new = [_sharp(cell_of, times, end) for times in _changes(cell_of, found, end)]
+            found = _merged(np.concatenate([found, *new]), end)
     middles = 0.5 * np.diff([0.0, *found, end]) + np.array([0.0, *found])
     values = bounds(tape, operations, time, (middles, middles))
     side = [values[int(tape.switches.free[k])][0] for k in switches]
@@ -152,11 +153,28 @@ def _located(cell_of: Callable[[Bounds], Bounds], low: np.ndarray, high: np.ndar
     """Return the intervals in which the cell changes from one end to the other, made short."""
     before, after = cell_of((low, low))[0], cell_of((high, high))[0]
     low, high, before = (part[before != after] for part in (low, high, before))
+    return _bisected(cell_of, low, high, before)
+
+
+def _bisected(
+    cell_of: Callable[[Bounds], Bounds], low: np.ndarray, high: np.ndarray, before: np.ndarray
+) -> Bounds:
+    """Return the intervals halved, at whose lower ends alone the cell is the one ``before``."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         same = cell_of((middle, middle))[0] == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     return low, high
+
+
+def _sharp(cell_of: Callable[[Bounds], Bounds], times: np.ndarray, end: float) -> np.ndarray:
+    """Return the ``times`` to the last bit, where the cell differs on both sides: the first time
+    that is beyond the level. A step that ends later has a part of what follows.
+    """
+    low, high = times - SAME * end, times + SAME * end
+    before = cell_of((low, low))[0]
+    crosses = before != cell_of((high, high))[0]
+    return np.where(crosses, _bisected(cell_of, low, high, before)[1], times)
 
 
 def _merged(times: np.ndarray, end: float) -> np.ndarray:

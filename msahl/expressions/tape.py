@@ -400,9 +400,12 @@ def gradient(tape: Tape, values: Values, place: int) -> None:
             adjoint[b] += slope * by_b
 
 
-def magnitudes(tape: Tape, values: Values, of_inputs: np.ndarray) -> np.ndarray:
+def magnitudes(
+    tape: Tape, values: Values, of_inputs: np.ndarray, anywhere: bool = False
+) -> np.ndarray:
     """Sizes of all values after ``sweep``: the largest that each and the terms of which it consists
-    may have, where the inputs are known by their sizes ``of_inputs`` (inputs,) alone.
+    may have, where the inputs are known by their sizes ``of_inputs`` (inputs,) alone; of tables of
+    one variable where they are now, or ``anywhere``.
 
     Not compiled: it is asked once in a run.
     """
@@ -418,6 +421,8 @@ def magnitudes(tape: Tape, values: Values, of_inputs: np.ndarray) -> np.ndarray:
             by_a, by_b = binary_slopes(op, x, y, result)
         elif op == CURVE and math.isfinite(x):
             by_a = functions.evaluate(tape.laws, tape.c[i], x)[1]
+            if anywhere:
+                by_a = functions.steepest(tape.laws, tape.c[i])
         elif op == SURFACE:
             _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], x, y)
         elif op == WHERE:

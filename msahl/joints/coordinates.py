@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import matrix
-from msahl.algebra.rotation_arrays import parameters
+from msahl.algebra.rotation_arrays import cross, dot, parameters, rotated
 from msahl.algebra.vector import Vector
 from msahl.joints.joint import X, Z
 from msahl.joints.registry import KINDS
@@ -232,25 +232,6 @@ def _frame(x: Vector, z: Vector) -> np.ndarray:
 def _direction(a: np.ndarray, frame: np.ndarray) -> float:
     """Return the angle of ``a`` (3,) from x to y of a frame [rad]."""
     return math.atan2(frame[1] @ a, frame[0] @ a)
-
-
-def rotated(R: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return ``R a`` for matrices R (..., 3, 3) and vectors a (..., 3)."""
-    return np.asarray(np.einsum("...ij,...j->...i", R, a))
-
-
-def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return ``a . b`` (...) of vectors (..., 3)."""
-    return np.asarray(np.einsum("...i,...i->...", a, b))
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return ``a x b`` (..., 3); numpy's own function takes three times as long."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    out[..., 0], out[..., 1], out[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return out
 
 
 def _slide(row: int, geometry: Geometry, motion: Relative) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from msahl.model.beams import Beam
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
-from msahl.model.loads import Load
+from msahl.model.loads import Actuator, ConcentratedLoad, Load
 from msahl.model.markers import Group, Marker, Sensor
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
@@ -51,6 +51,25 @@ class Model:
     beam_shapes: tuple[BeamShape, ...] = ()  # of beams, for views
     places: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     """File and line of motions, loads and signals by name, for messages; empty without a deck."""
+
+    @property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """The actuators, in the order of the loads."""
+        return tuple(load for load in self.loads if isinstance(load, Actuator))
+
+    @property
+    def concentrated(self) -> tuple[ConcentratedLoad, ...]:
+        """The concentrated loads that are constant or have a law of time, likewise."""
+        loads = (load for load in self.loads if isinstance(load, ConcentratedLoad))
+        return tuple(load for load in loads if load.expression is None)
+
+    @property
+    def controlled(self) -> tuple[ConcentratedLoad, ...]:
+        """Those whose factor is an expression; the results of the signals are the loads of the
+        ``actuators`` and then these factors.
+        """
+        loads = (load for load in self.loads if isinstance(load, ConcentratedLoad))
+        return tuple(load for load in loads if load.expression is not None)
 
 
 def in_deck(model: Model, name: str) -> str:

@@ -9,7 +9,8 @@ At one configuration and one time t, in inertial axes,
 f, m        constant components in the axes of some body or of the ground [N, N m]
 R_f, R_m    rotation matrices of these axes; they are constant for the ground
 r           arm from G to the point of application, fixed in the body [m]
-c           law of time; 1 for a load without one
+c           1, a law of time, or an expression u(y, s) of signals and auxiliary states
+            (``elements.signals``)
 v, W        velocity of G [m/s], angular velocity [rad/s]
 
 Discrete gradient over a step of size h of the midpoint element, with the displacement u of G, the
@@ -30,10 +31,15 @@ joints, this offset d is the solution of (``schemes.midpoint.load_moments``)
     M d = h^2 C_1 (f, m + r x f) - G^T mu ,   G d = 0 ;      u = h (v0 + v1)/2 + d ,  likewise Q
 
 The work of the loads is then less by M (v1 - v0) . d/h, which again is exactly what the bodies
-gain. Source: the concentrated load of Hainge 2010, section 2.3.1; the discrete form is ours.
+gain.
+
+An expression is evaluated once in a step of the midpoint element, at the means, so such a load does
+the work of one with the constant factor C = u. Its derivative has one more part: the load with the
+factor 1 times du/dz. These loads are a group of their own, whose factors are the last results of
+the signals. Source: the concentrated load of Hainge 2010, section 2.3.1; the discrete form is ours.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,6 +56,7 @@ from msahl.algebra.vector import (
     scale,
     skew_product,
 )
+from msahl.elements.constraints.products import Q_A, U_A
 from msahl.formulations.absolute.equations import add_block, force_factor, moment_factor, push
 from msahl.formulations.absolute.frames import (
     Frames,
@@ -63,11 +70,11 @@ from msahl.formulations.absolute.frames import (
     rotation_increment,
     tangent,
 )
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, optional
 
 
 class ConcentratedLoads(NamedTuple):
-    """The group of all concentrated loads."""
+    """The group of all concentrated loads by laws of time, or of those by expressions."""
 
     frame: np.ndarray  # (k,)
     s: np.ndarray  # (k, 3) point from the mass centre, axes of the body [m]
@@ -89,16 +96,18 @@ class ConcentratedWorkspace(NamedTuple):
     m: np.ndarray  # (k, 3) [N m]
     factor: np.ndarray  # (k,) c, or C over a step or at a node
     first: np.ndarray  # (k,) C_1
-    first_f: np.ndarray  # (k, 3) C_1 f
-    first_m: np.ndarray  # (k, 3) C_1 (m + r x f)
+    unit_f: np.ndarray  # (k, 3) f with the factor 1, where it has a first moment or an expression
+    unit_m: np.ndarray  # (k, 3) likewise m + r x f
 
 
 NEGLIGIBLE = 1e-15
 """First moment of a law, relative to its mean, that is round-off."""
 
 
-def new_workspace(group: ConcentratedLoads) -> ConcentratedWorkspace:
-    """Return the arrays that ``prepare`` and ``over_step`` fill."""
+def new_workspace(group: ConcentratedLoads | None) -> Any:
+    """Return the arrays that ``prepare`` and ``over_step`` fill; None without group."""
+    if group is None:
+        return None
     k = group.frame.size
     return ConcentratedWorkspace(
         *(np.zeros((k, 3)) for _ in range(3)),
@@ -135,12 +144,64 @@ def over_step(
                 moved = True
     prepare(group, start.factor, R, start)
     if moved:
-        for k in range(group.frame.size):
-            f = direction(R, group.f_axes[k], at(group.f, k))
-            m = direction(R, group.m_axes[k], at(group.m, k))
-            put(start.first_f, k, scale(start.first[k], f))
-            put(start.first_m, k, scale(start.first[k], moment(at(start.r, k), f, m)))
+        set_units(group, start, R)
     return moved
+
+
+@optional()
+def by_expressions(
+    group: ConcentratedLoads, start: ConcentratedWorkspace, result: np.ndarray, R: np.ndarray
+) -> None:
+    """Prepare loads by expressions, whose factors are the last of the signals' results."""
+    for k in range(group.frame.size):
+        start.factor[k] = result[result.size - group.frame.size + k]
+    prepare(group, start.factor, R, start)
+
+
+@optional()
+def set_units(group: ConcentratedLoads, start: ConcentratedWorkspace, R: np.ndarray) -> None:
+    """Set the prepared loads with the factor 1."""
+    for k in range(group.frame.size):
+        f = direction(R, group.f_axes[k], at(group.f, k))
+        m = direction(R, group.m_axes[k], at(group.m, k))
+        put(start.unit_f, k, f)
+        put(start.unit_m, k, moment(at(start.r, k), f, m))
+
+
+@optional()
+def set_mean_units(
+    group: ConcentratedLoads,
+    start: ConcentratedWorkspace,
+    frames: Frames,
+    R: np.ndarray,
+    Z: np.ndarray,
+) -> None:
+    """Set the mean loads over a step of the midpoint element with the factor 1, likewise."""
+    for k in range(group.frame.size):
+        f_axes, m_axes = group.f_axes[k], group.m_axes[k]
+        f = mean(frames, Z, f_axes, direction(R, f_axes, at(group.f, k)))
+        m = mean(frames, Z, m_axes, direction(R, m_axes, at(group.m, k)))
+        r = mean(frames, Z, group.frame[k], at(start.r, k))
+        put(start.unit_f, k, f)
+        put(start.unit_m, k, moment(r, f, m))
+
+
+@optional()
+def set_rows(
+    group: ConcentratedLoads,
+    start: ConcentratedWorkspace,
+    frames: Frames,
+    factor: float,
+    k: int,
+    row: np.ndarray,
+) -> None:
+    """Set ``row`` (4, 3) to what a factor of 1 of load ``k`` adds to the equations of its body:
+    ``factor`` times the load by mass; k < 0: nothing.
+    """
+    if k >= 0:
+        b = group.frame[k]
+        put(row, U_A, scale(force_factor(frames, factor, b), at(start.unit_f, k)))
+        put(row, Q_A, scale(moment_factor(frames, factor, b), at(start.unit_m, k)))
 
 
 @kernel
@@ -183,7 +244,7 @@ def moment(r: Vector, f: Vector, m: Vector) -> Vector:
     return add(cross(r, f), m)
 
 
-@kernel
+@optional()
 def add_force(
     group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, F: np.ndarray
 ) -> None:
@@ -193,7 +254,7 @@ def add_force(
         push(frames, 1.0, F, group.frame[k], f, moment(r, f, m))
 
 
-@kernel
+@optional()
 def add_derivatives(
     group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, by_place: np.ndarray
 ) -> None:
@@ -234,7 +295,7 @@ def _add_slopes(
     add_block(values, places[k, 2], -c, of_moment)
 
 
-@kernel
+@optional()
 def add_power(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
@@ -251,7 +312,7 @@ def add_power(
         total[group.column[k]] += power * dt
 
 
-@kernel
+@optional()
 def mean_residual(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
@@ -269,7 +330,7 @@ def mean_residual(
         push(frames, factor, F, b, f, moment(r, f, m))
 
 
-@kernel
+@optional()
 def mean_jacobian(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
@@ -291,7 +352,7 @@ def mean_jacobian(
         _add_slopes(group, frames, k, 0.5 * factor, (r, f), tangents, values)
 
 
-@kernel
+@optional()
 def mean_work(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
@@ -324,7 +385,9 @@ def add_first(
 ) -> None:
     """Add the first moments of the loads by mass to the rows of their bodies."""
     for k in range(group.frame.size):
-        push(frames, 1.0, F, group.frame[k], at(start.first_f, k), at(start.first_m, k))
+        c = start.first[k]
+        f, m = scale(c, at(start.unit_f, k)), scale(c, at(start.unit_m, k))
+        push(frames, 1.0, F, group.frame[k], f, m)
 
 
 @kernel
@@ -344,10 +407,9 @@ def work_of_first(
     """
     size, rest = 0.0, -deficit
     for k in range(group.frame.size):
-        b = group.frame[k]
-        work_done = (
-            -h * h * (dot(at(a, b), at(start.first_f, k)) + dot(at(alpha, b), at(start.first_m, k)))
-        )
+        b, c = group.frame[k], start.first[k]
+        f, m = scale(c, at(start.unit_f, k)), scale(c, at(start.unit_m, k))
+        work_done = -h * h * (dot(at(a, b), f) + dot(at(alpha, b), m))
         total[group.column[k]] += work_done
         rest -= work_done
         size += abs(start.first[k])

@@ -43,14 +43,12 @@ from msahl.ports import (
     actuator,
     compliance,
     concentrated,
-    controlled,
     coordinate,
     point,
 )
 from msahl.ports.actuator import Actuators
 from msahl.ports.compliance import Compliances
 from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace
-from msahl.ports.controlled import ControlledLoads, ControlledWorkspace
 from msahl.ports.coordinate import AlongForces
 from msahl.ports.point import PointForces
 
@@ -63,7 +61,7 @@ class Forces(NamedTuple):
     along: AlongForces
     compliance: Compliances | None
     actuator: Actuators | None
-    controlled: ControlledLoads | None
+    controlled: ConcentratedLoads | None  # whose factors are expressions
     signals: Signals | None  # expressions of the motion
     laws: Laws  # of time and of coordinates, to which the groups refer by number
 
@@ -85,7 +83,7 @@ class ForcesWorkspace(NamedTuple):
     elongation: np.ndarray  # (c,) of springs in the compliance form, the state's own
     load: np.ndarray  # (c,) loads of these at one configuration
     signals: SignalsWorkspace  # None where the system has none
-    controlled: ControlledWorkspace  # likewise
+    controlled: ConcentratedWorkspace  # likewise
 
 
 def new_workspace(
@@ -110,7 +108,7 @@ def new_workspace(
         elongation=elongation,
         load=np.zeros_like(elongation),
         signals=signals.new_workspace(forces.signals, len(reaction)),
-        controlled=controlled.new_workspace(forces.controlled),
+        controlled=concentrated.new_workspace(forces.controlled),
     )
 
 
@@ -182,9 +180,9 @@ def add_forces(
         compliance.add_loads(forces.compliance, forces.along, start.load, q)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
-    controlled.add_force(
-        forces.controlled, start.controlled, start.signals, frames, start.motion.R, F
-    )
+    _prepare_expressions(forces.controlled, start)
+    concentrated.set_units(forces.controlled, start.controlled, start.motion.R)
+    concentrated.add_force(forces.controlled, start.controlled, frames, F)
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
     point.add_force(forces.point, start.point, frames, start.motion, F)
 
@@ -207,7 +205,7 @@ def add_derivatives(
     inputs.differentiate(
         forces.signals, start.signals, frames, start.motion, scalar, start.place, out
     )
-    controlled.add_derivatives(forces.controlled, start.controlled, frames, out.by_place)
+    concentrated.add_derivatives(forces.controlled, start.controlled, frames, out.by_place)
     _add_slopes(forces.signals, forces, start, scalar, frames, out)
     if scalar is None:
         return
@@ -233,7 +231,7 @@ def add_power(
     Springs count by their elastic energy, not by work.
     """
     concentrated.add_power(forces.concentrated, start.concentrated, start.motion, dt, work)
-    controlled.add_power(forces.controlled, start.controlled, start.motion, dt, work)
+    concentrated.add_power(forces.controlled, start.controlled, start.motion, dt, work)
     point.add_power(forces.point, start.point, start.motion, dt, work)
     if scalar is None:
         return
@@ -418,9 +416,9 @@ def mean_residual(
         )
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
-    controlled.mean_residual(
-        forces.controlled, start.controlled, start.signals, start.motion, (frames, -dt2), Z, F
-    )
+    _prepare_expressions(forces.controlled, start)
+    concentrated.set_mean_units(forces.controlled, start.controlled, frames, start.motion.R, Z)
+    concentrated.mean_residual(forces.controlled, start.controlled, frames, -dt2, Z, F)
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, -dt2, Z, F)
     point.mean_residual(forces.point, start.point, frames, h, -dt2, Z, F)
     results.refuse_over_step(forces.signals, start.signals, F)
@@ -448,7 +446,7 @@ def mean_jacobian(
         )
         compliance.mean_jacobian(forces.compliance, forces.along, group, q, frames, step, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
-    controlled.mean_jacobian(forces.controlled, start.controlled, frames, -dt2, Z, values)
+    concentrated.mean_jacobian(forces.controlled, start.controlled, frames, -dt2, Z, values)
     _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, -dt2, Z, values)
     point.mean_jacobian(forces.point, start.point, frames, h, -dt2, Z, values)
@@ -466,7 +464,7 @@ def mean_work(
 ) -> None:
     """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
     concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
-    controlled.mean_work(forces.controlled, start.controlled, frames, Z, work)
+    concentrated.mean_work(forces.controlled, start.controlled, frames, Z, work)
     point.mean_work(forces.point, start.point, frames, h, Z, work)
     if scalar is None:
         return
@@ -488,7 +486,27 @@ def set_result_row(
     the equations of the parts it acts on.
     """
     actuator.set_rows(forces.actuator, scalar, start.place, frames, factor, r, row)
-    controlled.set_rows(forces.controlled, start.controlled, frames, factor, r, row)
+    _set_load_row(forces.controlled, start, frames, factor, r, row)
+
+
+@optional()
+def _prepare_expressions(group: ConcentratedLoads, start: ForcesWorkspace) -> None:
+    """Prepare the concentrated loads by expressions."""
+    concentrated.by_expressions(group, start.controlled, start.signals.result, start.motion.R)
+
+
+@optional()
+def _set_load_row(
+    group: ConcentratedLoads,
+    start: ForcesWorkspace,
+    frames: Frames,
+    factor: float,
+    r: int,
+    row: np.ndarray,
+) -> None:
+    """Set the ``row`` of a result that is the factor of a load; those of actuators come before."""
+    k = r - (start.signals.result.size - group.frame.size)
+    concentrated.set_rows(group, start.controlled, frames, factor, k, row)
 
 
 @optional()
@@ -760,11 +778,10 @@ def acts_at_points(forces: Forces) -> bool:
     return forces.point is not None or any(group.frame.size for group in _concentrated(forces))
 
 
-def _concentrated(forces: Forces) -> Iterator[ConcentratedLoads]:
-    """Yield the groups of concentrated loads, by laws of time and by expressions of the motion."""
-    yield forces.concentrated
-    if forces.controlled is not None:
-        yield forces.controlled.loads
+def _concentrated(forces: Forces) -> list[ConcentratedLoads]:
+    """Return the groups of concentrated loads, by laws of time and by expressions of the motion."""
+    groups = (forces.concentrated, forces.controlled)
+    return [group for group in groups if group is not None]
 
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:

@@ -1,7 +1,7 @@
 """Compute accuracy metrics of a run: energy balance, virtual work of joints, constraint violation.
 
     E     = sum over bodies of  m v_G.v_G/2 + w.J w/2 - m g.x_G         (3.5)-(3.10)
-            + energy of the springs
+            + energy of the springs and beams
     error = E(t) - E(0) - work since t = 0 of what is not conservative: loads, dampers, motions
     RMS   = sqrt(mean of squares) over the output times                 (3.12)
 
@@ -54,7 +54,7 @@ class Statistics:
 @dataclass(frozen=True, slots=True)
 class Energy:
     """Energies [J] of n bodies at m output times, arrays (m, n); ``time`` [s], ``work`` of loads
-    and motions [J] and ``elastic`` energy of springs [J] (m,)."""
+    and motions [J] and ``elastic`` energy of springs and beams [J] (m,)."""
 
     time: np.ndarray
     bodies: tuple[str, ...]

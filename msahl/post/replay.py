@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import at, put
+from msahl.elements.beams import instant
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.formulations.absolute.frames import FramesWorkspace
@@ -43,7 +44,7 @@ class Rows(NamedTuple):
     linear: np.ndarray  # (m, n) kinetic energy of translation [J]
     rotational: np.ndarray  # (m, n) kinetic energy of rotation about G [J]
     potential: np.ndarray  # (m, n) -m g.x_G [J]
-    elastic: np.ndarray  # (m,) energy of all springs [J]
+    elastic: np.ndarray  # (m,) energy of all springs and beams [J]
     violation: np.ndarray  # (m, e, 2) size of the violation [m] and [rad]; nan where none
     rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
     length: float  # longest arm or radius of gyration [m]
@@ -166,6 +167,8 @@ def _observe_rows(
         _count(system.scalar, start.scalar, start.frames, state.angle, 0.5 * h)
         evaluate.observe(system, state, start, violation[row], rate[row])
         elastic[row] = forces.elastic_energy(system.forces, start.forces, system.scalar)
+        instant.set_strains(system.beams, start.beams)
+        elastic[row] += instant.energy(system.beams, start.beams)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))

@@ -106,7 +106,7 @@ DEFINITIONS = (
     (
         "E",
         "m v_G.v_G/2 + w.J w/2 - m g.x_G, summed over the bodies (Hainge 2010, eq. 3.5-3.10), and "
-        "the elastic energy of springs.",
+        "the elastic energy of springs and beams.",
     ),
     (
         "balance error",
@@ -125,7 +125,7 @@ DEFINITIONS = (
     (
         "work",
         "work of concentrated loads, drag, friction, dampers and motions since t = 0. The energy "
-        "stored in springs is elastic energy instead.",
+        "stored in springs and beams is elastic energy instead.",
     ),
     (
         "constraint violation",

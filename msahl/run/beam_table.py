@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.rotation_arrays import cross
 from msahl.elements.beams.shape import strains
-from msahl.joints.coordinates import Motion, cross
+from msahl.joints.coordinates import Motion
 from msahl.model import Beam, Model
 from msahl.run.body_rows import TablesOfSteppers, of_bodies, read_motions, select
 from msahl.run.tables import RESULTANTS

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import rotations
+from msahl.algebra.rotation_arrays import rotated, rotations
 from msahl.formulations.absolute.rigid_body import ACCELERATION_SIZE, STATE_SIZE
-from msahl.joints.coordinates import Motion, rotated
+from msahl.joints.coordinates import Motion
 from msahl.model import Model
 
 TablesOfSteppers = Mapping[str, np.ndarray]

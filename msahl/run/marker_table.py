@@ -11,8 +11,8 @@ marker's own axes.
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import euler_parameters
-from msahl.joints.coordinates import Motion, cross, dot, point_motion, rotated
+from msahl.algebra.rotation_arrays import cross, dot, euler_parameters, rotated
+from msahl.joints.coordinates import Motion, point_motion
 from msahl.model import MarkerDistance, Model
 from msahl.run.body_rows import GROUND, TablesOfSteppers, of_bodies, read_motions, select
 from msahl.system.names import MARKER_COLUMNS, marker_columns

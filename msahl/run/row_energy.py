@@ -8,9 +8,8 @@ these, so the balance of the steps says nothing of them.
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import rotations
+from msahl.algebra.rotation_arrays import cross, dot, rotated, rotations
 from msahl.formulations.absolute.rigid_body import STATE_SIZE, RigidBodies
-from msahl.joints.coordinates import cross, dot, rotated
 from msahl.run.subsystem import SubsystemIntegrator
 
 

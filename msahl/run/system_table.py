@@ -10,7 +10,8 @@ the group of all bodies includes the elastic energy of springs and bushings.
 
 import numpy as np
 
-from msahl.joints.coordinates import cross, dot, point_motion, rotated
+from msahl.algebra.rotation_arrays import cross, dot, rotated
+from msahl.joints.coordinates import point_motion
 from msahl.model import Model
 from msahl.run.body_rows import TablesOfSteppers, read_motions, select, without_ground
 from msahl.system.names import ENERGY, GROUP_COLUMNS, group_columns, work_columns

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.algebra.functions import SINE, Law, Laws, build_laws, piece_of
-from msahl.model import ConcentratedLoad, Model
+from msahl.model import Model
 
 MOST = 10_000
 """Largest number of breakpoints of one law; steps that end at each of so many are short anyway."""
@@ -18,7 +18,7 @@ STEPS_PER_PERIOD = 4.0
 
 def laws_of_time(model: Model) -> list[Law]:
     """Return the laws of time of loads and motions."""
-    loads = [load.law for load in model.loads if isinstance(load, ConcentratedLoad) and load.law]
+    loads = [load.law for load in model.concentrated if load.law]
     return [*loads, *(motion.law for motion in model.motions)]
 
 

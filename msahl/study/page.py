@@ -209,7 +209,7 @@ def _gain(study: Study, best: StudyRun) -> list[str]:
         return []
     error, old = best.largest(study.plan.metric), deck_run.largest(study.plan.metric)
     words = _times(deck_run.trial.seconds / max(best.trial.seconds, 1e-9), "faster", "slower")
-    if error and old:
+    if error and old and max(error, old) > FLAT:
         words += " and " + _times(old / error, "more accurate", "less accurate")
     return [
         f"It is {words} than the run with the deck's own settings "

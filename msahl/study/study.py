@@ -135,6 +135,17 @@ def find_reference(plan: Plan) -> Reference:
         return refined_reference(model, accuracy, seconds, error.solution)
 
 
+def default_metric(plan: Plan, reference: Reference) -> str:
+    """Return the metric that shows which runs of a ``plan`` are accurate: that of positions, or of
+    orientations where the ``reference`` has bodies that rotate in place, whose positions are right
+    by any step.
+    """
+    states = reference.states(np.linspace(0.0, plan.model.simulation.t_final, TIMES))
+    places = states.reshape(len(states), -1, 12)[:, :, :3]
+    moved = np.nanmax(np.abs(places - places[0]))
+    return "orientation" if moved <= FLAT else "position"
+
+
 def _at_given_steps(plan: Plan, reference: Reference, observer: Observer) -> Study:
     """Make runs at the step sizes of the ``plan``."""
     dynamics = Dynamics(plan.model)

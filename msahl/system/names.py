@@ -8,9 +8,7 @@ from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
 from msahl.laws.registry import JOINT_LAWS
 from msahl.model import (
-    Actuator,
     Bushing,
-    ConcentratedLoad,
     Joint,
     JointLoad,
     JointSpring,
@@ -149,13 +147,9 @@ def signal_columns(model: Model) -> list[str]:
     factors of concentrated loads, and power of actuators [W].
     """
     names = [signal.name for signal in model.signals if not isinstance(signal, SignalTable)]
-    actuators = [load for load in model.loads if isinstance(load, Actuator)]
-    controlled = [
-        load for load in model.loads if isinstance(load, ConcentratedLoad) and load.expression
-    ]
-    loads = [f"{load.name}.{LOAD_COLUMN}" for load in actuators]
-    factors = [f"{load.name}.{FACTOR_COLUMN}" for load in controlled]
-    powers = [f"{load.name}.{POWER_COLUMN}" for load in actuators]
+    loads = [f"{load.name}.{LOAD_COLUMN}" for load in model.actuators]
+    factors = [f"{load.name}.{FACTOR_COLUMN}" for load in model.controlled]
+    powers = [f"{load.name}.{POWER_COLUMN}" for load in model.actuators]
     return ["time", *names, *loads, *factors, *powers]
 
 

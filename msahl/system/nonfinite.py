@@ -10,10 +10,9 @@ import numpy as np
 from msahl.algebra.functions import evaluate
 from msahl.algebra.rotation import compose, from_axis_angle
 from msahl.elements.constraints import scalar
-from msahl.elements.signals import results
 from msahl.expressions.known_times import users
 from msahl.expressions.tape import HELD
-from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
+from msahl.model import Model, Signal, SignalState
 from msahl.model.model import in_deck
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
@@ -124,9 +123,7 @@ def _names_of_expressions(model: Model) -> list[str]:
         f"{'signal' if isinstance(signal, Signal) else 'state'} '{signal.name}'"
         for signal in published
     ]
-    for kind in (Actuator, ConcentratedLoad):
-        loads = [load for load in model.loads if isinstance(load, kind)]
-        names += [f"load '{load.name}'" for load in loads if load.expression is not None]
+    names += [f"load '{load.name}'" for load in (*model.actuators, *model.controlled)]
     return [*names, *states, *(f"the condition '{stop.condition}'" for stop in model.stops)]
 
 
@@ -148,6 +145,5 @@ def _values(system: System, state: State) -> np.ndarray:
     prepare(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
     prepare(system, state, start)
-    forces.set_prepared_inputs(group, start.forces, system.scalar)
-    results.evaluate(group, start.forces.signals)
+    forces.set_expressions(group, start.forces, system.scalar)
     return np.asarray(start.forces.signals.values.value)

@@ -26,7 +26,6 @@ from msahl.model.bodies import RigidBody
 from msahl.ports.actuator import Actuators
 from msahl.ports.compliance import Compliances
 from msahl.ports.concentrated import ConcentratedLoads
-from msahl.ports.controlled import ControlledLoads
 from msahl.ports.coordinate import AlongForces
 from msahl.ports.forces import Forces
 from msahl.ports.point import PointForces
@@ -203,7 +202,9 @@ def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) 
         along=_along(elements, topology),
         compliance=_compliances(elements, topology, frames),
         actuator=None if topology.actuator is None else Actuators(**topology.actuator),
-        controlled=_controlled(elements, topology),
+        controlled=None
+        if topology.controlled is None
+        else _concentrated(elements, elements.controlled, topology.controlled),
         signals=_signals(elements, topology),
         laws=laws,
     )
@@ -236,6 +237,7 @@ def _at_points(elements: Elements, topology: Topology) -> PointForces | None:
 def _concentrated(
     elements: Elements, entries: Sequence[ConcentratedEntry], places: Indices
 ) -> ConcentratedLoads:
+    """Return a group of concentrated loads."""
     loads = [entry.load for entry in entries]
     return ConcentratedLoads(
         **places,
@@ -243,13 +245,6 @@ def _concentrated(
         f=_vectors(load.force for load in loads),
         m=_vectors(load.moment for load in loads),
     )
-
-
-def _controlled(elements: Elements, topology: Topology) -> ControlledLoads | None:
-    if elements.signals is None or topology.controlled is None:
-        return None
-    loads = _concentrated(elements, elements.controlled, topology.controlled)
-    return ControlledLoads(loads, len(elements.signals.results) - len(elements.controlled))
 
 
 def _signals(elements: Elements, topology: Topology) -> Signals | None:

@@ -81,15 +81,9 @@ class SignalCollector:
     def entries(self) -> SignalEntries | None:
         """Return the entries of the model; None if it has no expression."""
         model = self._model
-        acting = list(enumerate(model.loads))
-        loads: list[tuple[int, Actuator | ConcentratedLoad]] = []
-        loads += [(c, load) for c, load in acting if isinstance(load, Actuator)]
-        loads += [
-            (c, load)
-            for c, load in acting
-            if isinstance(load, ConcentratedLoad) and load.expression is not None
-        ]
-        laws = [law for _, load in loads if (law := load.expression) is not None]
+        column = {load.name: c for c, load in enumerate(model.loads)}
+        loads: list[Actuator | ConcentratedLoad] = [*model.actuators, *model.controlled]
+        laws = [law for load in loads if (law := load.expression) is not None]
         trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
         others = [*laws, *(stop.expression for stop in model.stops)]
         if not trees and not others:
@@ -100,7 +94,8 @@ class SignalCollector:
         states = tuple(s for s in model.signals if isinstance(s, SignalState))
         published = [Name(s.name) for s in model.signals if not isinstance(s, SignalTable)]
         results = tuple(
-            self._result(column, load, law) for (column, load), law in zip(loads, laws, strict=True)
+            self._result(column[load.name], load, law)
+            for load, law in zip(loads, laws, strict=True)
         )
         return SignalEntries(
             named={s.name: s.expression for s in model.signals if isinstance(s, Signal)},

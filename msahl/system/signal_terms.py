@@ -6,7 +6,6 @@ import numpy as np
 
 from msahl.elements.constraints.coordinate_kinds import ANGLE
 from msahl.elements.signals import group as kinds
-from msahl.elements.signals import results
 from msahl.expressions.tape import magnitudes
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
@@ -21,6 +20,7 @@ class Scales(NamedTuple):
     length: float  # [m]
     speed: float  # [m/s]
     energy: float  # [J]
+    time: float = 0.0  # [s] of a run; 0: tables have the slopes that they have now
 
 
 def tape_terms(
@@ -32,10 +32,9 @@ def tape_terms(
     group = system.forces.signals
     assert group is not None, "a system with signals"
     with np.errstate(all="ignore"):
-        forces.set_prepared_inputs(group, start.forces, system.scalar)
-        results.evaluate(group, start.forces.signals)
+        forces.set_expressions(group, start.forces, system.scalar)
         given = np.append(_inputs(group, system.scalar, scales), states)
-        return magnitudes(group.tape, start.forces.signals.values, given)
+        return magnitudes(group.tape, start.forces.signals.values, given, scales.time > 0.0)
 
 
 def state_terms(
@@ -55,13 +54,16 @@ def state_terms(
 def rate_terms(system: System, start: SystemWorkspace, state: State, t_final: float) -> np.ndarray:
     """(2, states) terms of the rates of auxiliary states: of a model that moves by the length of
     its longest body in ``t_final`` [s], those that have it from positions, per second, and those
-    that have it from velocities, over ``t_final``.
+    that have it from velocities, over ``t_final``. Times count as well, and tables by their
+    steepest pieces: a rate that is zero up to an entry is there what round-off of the time makes.
     """
     group, length = system.forces.signals, float(system.frames.length[:-1].max())
     if group is None or not group.rate.size:
         return np.zeros((2, 0))
     slow, fast = (
-        tape_terms(system, start, np.abs(state.auxiliary), Scales(length, speed, 0.0))[group.rate]
+        tape_terms(system, start, np.abs(state.auxiliary), Scales(length, speed, 0.0, t_final))[
+            group.rate
+        ]
         for speed in (0.0, length / t_final)
     )
     return np.stack([slow, t_final * (fast - slow)])
@@ -76,7 +78,7 @@ def _inputs(group: kinds.Signals, scalar: Any, scales: Scales) -> np.ndarray:
         kinds.SPIN: per_second,
         kinds.QUATERNION: 1.0,
         kinds.REACTION: scales.energy / min(scales.length, 1.0),
-        kinds.TIME: 0.0,
+        kinds.TIME: scales.time,
     }
     sizes = []
     for kind, item in zip(group.kind, group.item, strict=True):

@@ -19,7 +19,8 @@ from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from tests.run.test_resume import advance as in_memory
 from tests.run.test_resume import bits, in_two_parts, same_run
-from tests.support.models import GROUND, ROOT, body, build_model, simulate
+from tests.support.models import GROUND, ROOT, body, build_model
+from tests.support.models import simulate_and_estimate as simulate
 
 MASS, STIFFNESS, FREE = 2.0, 200.0, 0.3
 RATE = math.sqrt(STIFFNESS / MASS)

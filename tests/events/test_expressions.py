@@ -14,7 +14,8 @@ from msahl.model import ConcentratedLoad, Joint, JointActuator, Options, SignalS
 from msahl.model.signals import SignalTable
 from tests.run.test_resume import advance as in_memory
 from tests.run.test_resume import bits, in_two_parts
-from tests.support.models import GROUND, body, build_model, simulate
+from tests.support.models import GROUND, body, build_model
+from tests.support.models import simulate_and_estimate as simulate
 
 MASS = 2.0
 HALF = math.pi / 10.0
@@ -296,3 +297,24 @@ def test_jumps_by_reactions_warn(force, word):
     assert ("jumps" in run.report.verdict["checks"]) == (word == "WARN")
     if word == "WARN":
         assert "the expression of load 'Force' may jump" in run.report.verdict["reasons"][-1]
+
+
+@pytest.mark.parametrize(
+    ("argument", "tolerance"), [("t", 1e-3), ("t", 1e-9), ("Rail.slide", 1e-6)]
+)
+def test_a_state_may_be_zero_until_its_table_begins(argument, tolerance):
+    """No step met a tolerance from there: up to there the state was round-off, and its own scale.
+
+    The body's speed is 1 m/s, so its displacement [m] is the time [s].
+    """
+    late, steep = 0.3137, 40.0
+    table = SignalTable("p", Law("linear", (0.0, late, 1.0, 0.0, 0.0, steep * (1.0 - late))))
+    state = SignalState("z", parse(f"p({argument})"))
+    model = rail("0", signals=(table, state))
+    given = replace(model.simulation, tolerance=tolerance)
+    run = simulate(replace(model, simulation=given), 0.05, 0.9, "gauss2", solver="newton")
+    assert run.report.verdict["word"] == "PASS"
+    # The rate is linear, which steps of order 4 integrate but for round-off.
+    assert run.signals[:, 1] == pytest.approx(
+        0.5 * steep * np.maximum(0.0, run.time - late) ** 2, abs=1e-12
+    )

@@ -18,6 +18,7 @@ import tempfile
 import termios
 import traceback
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from click.testing import CliRunner
@@ -68,7 +69,10 @@ def _note(event: str, arguments: tuple) -> None:
             _touched.append(f"open {path}")
 
 
-sys.addaudithook(_note)
+@cache
+def _listen() -> None:
+    """Have every event noted from now on: a hook remains, and costs all that runs later."""
+    sys.addaudithook(_note)
 
 
 class Traps:
@@ -103,6 +107,7 @@ TRAPS = Traps()
 @contextmanager
 def guarded(folder: Path):
     """Hold one example, all of whose files are in ``folder``, to its bounds."""
+    _listen()
     _touched.clear()
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)

@@ -26,9 +26,10 @@ def names_of_kinds():
     """Names of kinds that stand as strings outside ``msahl/joints``, by file."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
-        if path.is_relative_to(PACKAGE / "joints"):
+        text = path.read_text()
+        if path.is_relative_to(PACKAGE / "joints") or not any(kind in text for kind in KINDS):
             continue
-        nodes = ast.walk(ast.parse(path.read_text()))
+        nodes = ast.walk(ast.parse(text))
         texts = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
         if named := texts & set(KINDS):
             found[str(path.relative_to(PACKAGE))] = named

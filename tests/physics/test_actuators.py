@@ -21,7 +21,8 @@ from msahl.model import (
 from msahl.system.subsystems import split
 from tests.run.test_resume import same_run
 from tests.support.element_samples import joint_model
-from tests.support.models import build_model, deck, simulate
+from tests.support.models import build_model, deck
+from tests.support.models import simulate_and_estimate as simulate
 
 HERE = (0.0, 0.0, 0.0)
 X_AXES = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))

@@ -11,7 +11,7 @@ from msahl.deck import read_deck
 from msahl.post.cli import main as post
 from msahl.run.verdict import PASS
 from msahl.system.names import signal_columns
-from tests.support.models import simulate
+from tests.support.models import simulate_and_estimate as simulate
 
 MACHINES = ("robot", "vehicle", "engine", "satellite", "pid")
 

@@ -28,7 +28,8 @@ from tests.physics.machines import (
     robot,
     satellite,
 )
-from tests.support.models import ROOT, deck, simulate
+from tests.support.models import ROOT, deck
+from tests.support.models import simulate_and_estimate as simulate
 from tools import robot_deck
 
 ORDERS = {"preserving": 2.0, "gauss2": 4.0, "gauss3": 6.0}

@@ -15,8 +15,16 @@ from msahl.cli.main import main
 from msahl.model import Joint, JointMotion, Law
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.start.velocities import StartError
-from tests.support.models import GROUND, build_model, deck, pendulum, simulate
+from tests.support.models import (
+    GROUND,
+    build_model,
+    deck,
+    pendulum,
+)
 from tests.support.models import body as new_body
+from tests.support.models import (
+    simulate_and_estimate as simulate,
+)
 
 DECKS = Path(__file__).parents[2] / "decks"
 

@@ -14,7 +14,17 @@ from msahl.run import companion
 from msahl.run.companion import SAFETY
 from msahl.run.verdict import DONE, FAIL, PASS, WARN
 from tests.support.closed_forms import recognise
-from tests.support.models import DECKS, GROUND, body, build_model, deck, pendulum, simulate
+from tests.support.models import (
+    DECKS,
+    GROUND,
+    body,
+    build_model,
+    deck,
+    pendulum,
+)
+from tests.support.models import (
+    simulate_and_estimate as simulate,
+)
 
 NEAR = (0.3, 10.0)
 """Estimated over true error, at worst."""

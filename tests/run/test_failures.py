@@ -20,6 +20,7 @@ from msahl.jit.kernel_store import Store
 from msahl.results.lock import locked
 from msahl.results.read import read_run, read_table
 from msahl.results.write import RESERVED, RunFolder, Table, write_beginning, write_json
+from msahl.study import page
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.search import Search
@@ -325,6 +326,7 @@ def test_a_stopped_study_reports_the_runs_it_has_made(tmp_path, monkeypatch):
         return self.signal != 0
 
     monkeypatch.setattr(Interruption, "__call__", ask)
+    monkeypatch.setattr(page, "_pictures", lambda study: [])
     words = (SINGLE, "--dt", 0.1, "--dt", 0.05, "--dt", 0.025, "--t-final", 1, "--repeat", 2)
     result = call("study", *words, "--scheme", "preserving", "-o", tmp_path)
     assert result.exit_code == 143, result.output

@@ -429,7 +429,7 @@ def _begin(folder, words, until):
 
 
 @pytest.mark.parametrize(
-    ("number", "t_final"), [(4, 10), pytest.param(20, 32, marks=pytest.mark.slow)]
+    ("number", "t_final"), [(4, 10), pytest.param(10, 18, marks=pytest.mark.slow)]
 )
 def test_a_run_killed_and_resumed_writes_the_rows_of_one_that_was_not(tmp_path, number, t_final):
     pendulum = THESIS / "triple_pendulum_45.xml"

@@ -14,7 +14,8 @@ from msahl.run.verdict import PASS, WARN, judge
 from tests.physics.test_actuators import motor, motor_exactly
 from tests.run.test_verdict import GOOD
 from tests.support.loops import bennett
-from tests.support.models import GROUND, body, build_model, simulate
+from tests.support.models import GROUND, body, build_model
+from tests.support.models import simulate_and_estimate as simulate
 
 
 def checks(run):

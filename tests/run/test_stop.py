@@ -15,7 +15,8 @@ from msahl.model import Stop
 from msahl.run import loop
 from msahl.run.time_grid import SHORTEST, TimeGrid
 from msahl.start.velocities import StartError
-from tests.support.models import ROOT, simulate
+from tests.support.models import ROOT
+from tests.support.models import simulate_and_estimate as simulate
 
 DECKS = ROOT / "decks"
 PENDULUM = DECKS / "basics/pendulum_by_angle.xml"

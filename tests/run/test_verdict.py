@@ -30,7 +30,9 @@ from tests.support.models import (
     chain,
     deck,
     pendulum,
-    simulate,
+)
+from tests.support.models import (
+    simulate_and_estimate as simulate,
 )
 
 GOOD = Figures(

@@ -14,7 +14,17 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from tests.support.closed_forms import recognise
-from tests.support.models import GROUND, body, build_model, deck, friction, pendulum, simulate
+from tests.support.models import (
+    GROUND,
+    body,
+    build_model,
+    deck,
+    friction,
+    pendulum,
+)
+from tests.support.models import (
+    simulate_and_estimate as simulate,
+)
 
 G, ARM = 9.80665, 5.0
 ROUNDED = 1e-12

@@ -19,7 +19,7 @@ from msahl.system.subsystems import split
 from tests.support.models import DECKS, GROUND, body, build_model, deck, loaded, pendulum, simulate
 
 
-@pytest.mark.parametrize("steps", [100, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("steps", [40, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_newton_root_and_auto_go_the_same_way(path, steps):
     """Steps of the deck's own size; no deck is wild enough in hundreds of them to need less."""

@@ -1,14 +1,17 @@
 """Short studies from the command to the report, in seconds even as plain Python."""
 
 import re
+from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
-from msahl.study import search, study
-from tests.support.models import ROOT
+from msahl.study import page, search, study
+from msahl.study.plan import Plan
+from tests.support.models import ROOT, body, build_model
 
 THESIS = ROOT / "decks" / "thesis"
 SINGLE, TOP = THESIS / "single_pendulum_45.xml", THESIS / "top_1.xml"
@@ -30,7 +33,8 @@ def clock(monkeypatch):
         monkeypatch.setattr(module, "working_clock", lambda: next(seconds))
 
 
-def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock):
+def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr(page, "_pictures", lambda study: [])  # they are those of the next test
     schemes = ("--scheme", "preserving", "--scheme", "gauss2", "--scheme", "auto")
     # "auto" would take another reference on a busy machine.
     words = ("--t-final", 0.3, "--budget", 4, "--target", 1e-3, "--reference", "independent")
@@ -45,6 +49,21 @@ def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock):
     steps = re.search(r"--dt (\S+)", command)
     if steps:  # auto has a tolerance instead
         assert float(steps[1]) in set(meets["dt"])
+
+
+@pytest.mark.parametrize(("speed", "metric"), [(0.0, "orientation"), (1e-3, "position")])
+def test_bodies_that_rotate_in_place_are_compared_by_their_orientation(speed, metric):
+    """Positions are right at any step, so a run of torque_free was recommended, a radian off."""
+
+    def states(times):
+        table = np.tile(np.arange(12.0), (len(times), 1))
+        table[:, 2] += speed * times
+        table[:, 4] += times  # its orientation changes in any case
+        return table
+
+    reference = SimpleNamespace(states=states)
+    model = build_model([body()])
+    assert study.default_metric(Plan(model), reference) == metric
 
 
 def test_observed_orders_of_given_steps(tmp_path):

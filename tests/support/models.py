@@ -1,6 +1,7 @@
 """Models built in Python, and runs of them kept in memory."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,10 @@ from msahl.model import (
     PointLoad,
     RigidBody,
     Simulation,
+    resolve,
 )
 from msahl.model.scheme import split
+from msahl.model.settings import OFF
 from msahl.run.loop import Hooks, run
 from msahl.run.report import Report
 from msahl.run.tables import ERROR, REACTIONS, SIGNALS, STATES, TABLES, WORK, MemorySink
@@ -113,16 +116,23 @@ def run_in_memory(model, options, since=None, checked=False, **hooks):
 def simulate(model, dt=None, t_final=None, scheme=None, damping=None, *, checked=False, **options):
     """Run ``model`` with the user's defaults, but for what is given; ``scheme`` is a choice.
 
-    A model that counts as ``checked`` is run in spite of its faults.
+    A model that counts as ``checked`` is run in spite of its faults. Steps that are given are taken
+    without a second run that estimates the error, unless ``error`` asks for it.
     """
     name, degree = split(scheme) if scheme else (None, None)
     given = {"dt": dt, "t_final": t_final, "scheme": name, "degree": degree, "damping": damping}
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
+    if not resolve(model.simulation).adaptive:
+        options = {"error": OFF} | options
     report, sink = run_in_memory(model, Options(**options), checked=checked)
     tables = {name: sink.table(name) for name in TABLES}
     own = [tables.pop(name) for name in (STATES, REACTIONS, WORK, SIGNALS, ERROR)]
     return Result(model, report, *own, tables)
+
+
+simulate_and_estimate = partial(simulate, error=None)
+"""Run a model and estimate its error, as the user's defaults do."""
 
 
 def build_model(

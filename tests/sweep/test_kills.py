@@ -97,13 +97,7 @@ def compare(tmp_path, points, kills, seed):
 
 
 @pytest.mark.slow
-def test_two_kills_change_no_byte(tmp_path):
-    killed = compare(tmp_path, points=40, kills=2, seed=3)
-    assert sum(killed.values()) > 0
-
-
-@pytest.mark.slow
-def test_fifty_kills_of_five_hundred_points_change_no_byte(tmp_path):
-    killed = compare(tmp_path, points=500, kills=50, seed=20)
-    assert sum(killed.values()) == 50
-    assert min(killed.values()) > 10
+def test_many_kills_change_no_byte(tmp_path):
+    killed = compare(tmp_path, points=160, kills=16, seed=20)
+    assert sum(killed.values()) == 16
+    assert min(killed.values()) > 4

@@ -147,7 +147,7 @@ ELEMENTS = {
             ),
         ),
     ),
-    "drag": loaded(drag("D", "B", AT, 0.4)),
+    "drag": build_model(links()[1:], loads=[drag("D", "B", AT, 0.4)], gravity=(3.0, 0.0, -9.0)),
     "concentrated": loaded(
         ConcentratedLoad("L", "B", AT, (4.0, 0.0, 2.0), "A", vector(2.0 * Y), GROUND.name, PUSH)
     ),
@@ -232,10 +232,12 @@ rotated into its axes and back with a few machine epsilons of some 10 rad/s."""
     "scheme", ["preserving", "decaying", pytest.param("gauss1", marks=pytest.mark.slow)]
 )
 def test_planar_and_spatial_equations_move_all_elements_alike(scheme):
-    far, off, spin = apart(ELEMENTS, scheme)
-    assert far <= FAR
-    assert off == 0.0
-    assert spin <= OFF
+    """Drag by itself: no deck has it beside all others, for which it would be compiled here."""
+    for names in (ELEMENTS.keys() - {"drag"}, {"drag"}):
+        far, off, spin = apart(sorted(names), scheme)
+        assert far <= FAR
+        assert off == 0.0
+        assert spin <= OFF
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

@@ -36,7 +36,7 @@ REGULAR = [path for path in DECKS if path.stem != "dead_points"]
 @pytest.mark.parametrize("path", REGULAR, ids=lambda path: path.stem)
 @pytest.mark.parametrize(
     ("solver", "steps"),
-    [("newton", 300), pytest.param("root", 50, marks=pytest.mark.slow)],
+    [("newton", 300), pytest.param("root", 20, marks=pytest.mark.slow)],
 )
 def test_the_reduced_equations_give_the_full_ones_answer(path, solver, steps):
     model = read_deck(path)

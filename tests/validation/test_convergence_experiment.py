@@ -2,7 +2,16 @@
 
 import pytest
 
-from benchmarks.convergence import stepping
+from benchmarks.convergence import element, stepping
+
+
+@pytest.fixture(autouse=True)
+def _plain(monkeypatch):
+    """Run the residual as plain Python: compiling it takes longer than all steps here."""
+    for module in (element, stepping):
+        for name, function in list(vars(module).items()):
+            if hasattr(function, "py_func"):
+                monkeypatch.setattr(module, name, function.py_func)
 
 
 @pytest.mark.parametrize(
@@ -11,8 +20,9 @@ from benchmarks.convergence import stepping
 )
 def test_triple_pendulum_at_a_small_step(scaled, differences, complete):
     program = stepping.Program("", scaled=scaled, differences=differences, tolerance=1e-12)
-    reached, why, _, residual = stepping.reach("triple_pendulum_45", 0.002, 0.2, program)
-    assert (reached == 0.2) == complete
+    # 20 steps; that with both weaknesses gives up after 10.
+    reached, why, _, residual = stepping.reach("triple_pendulum_45", 0.002, 0.04, program)
+    assert (reached == 0.04) == complete
     assert bool(why) != complete
     # Where it gives up, it has stalled near the solution: the momenta are 10 N s and more.
     assert residual < 1e-6

@@ -11,6 +11,7 @@ import posixpath
 import re
 import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import click
@@ -66,7 +67,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead the links of a page, which hold in the repository, to the pages of the site."""
+    """Insert docstrings, and lead the links, which hold in the repository, to pages of the site."""
     uri = page.file.src_uri
     outside = uri in OUTSIDE
     folder = posixpath.dirname(uri if outside else f"docs/{uri}")
@@ -78,11 +79,17 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         if path.startswith("decks/") and path.endswith(".xml"):
             _, family, name = path.split("/")
             site, anchor = f"examples/{family}.md", f"#{Path(name).stem}"
+        if path.startswith("msahl/") and path.endswith(".py"):
+            module = path.removesuffix(".py").replace("/", ".")
+            site, anchor = f"api/{module.rpartition('.')[0]}.md", f"#{module}"
         if files.get_file_from_path(site) is None:
             return match[0]
         return start + posixpath.relpath(site, posixpath.dirname(uri) or ".") + (anchor or "") + end
 
-    return LINK.sub(lead, markdown)
+    sys.path.insert(0, str(ROOT))
+    from tools.docs.docstrings import insert_docstrings
+
+    return LINK.sub(lead, insert_docstrings(markdown))
 
 
 def example_pages() -> dict[str, str]:
@@ -136,9 +143,21 @@ def playable(family: str, path: Path) -> str:
     )
 
 
+@cache
 def deck_title(path: Path) -> str:
-    """Return the title of a deck."""
-    return etree.parse(path).findtext(".//simulation/title") or path.stem
+    """Return the title of a deck; where others of its folder have the same, the first sentence of
+    its header."""
+    own = _own_title(path)
+    others = (other for other in path.parent.glob("*.xml") if other != path)
+    if own and own not in map(_own_title, others):
+        return own
+    found = re.search(r"<!--\s*(.*?)\.?\s*\n\s*\n", path.read_text(encoding="utf-8"), re.DOTALL)
+    return " ".join(found[1].split()) if found else path.stem
+
+
+@cache
+def _own_title(path: Path) -> str:
+    return etree.parse(path).findtext(".//simulation/title") or ""
 
 
 def player_files() -> dict[str, str]:
@@ -258,4 +277,4 @@ def first_line(path: Path) -> str:
 
 def generated(source: str) -> str:
     """Return the note at the top of a generated page."""
-    return f"*Generated from {source} by `make docs`; do not edit.*\n"
+    return f"<!-- Generated from {source} by make docs; do not edit. -->\n"

@@ -63,7 +63,7 @@ def draw_against_time(axes: Axes, states: pd.DataFrame) -> None:
     """Draw the angular velocities that are largest, or else displacements or velocities."""
     rates = states[[c for c in states.columns if c.endswith((".wx", ".wy", ".wz"))]]
     places = states[[c for c in states.columns if c.endswith((".x", ".y", ".z"))]]
-    values, unit = rates, "[rad/s]"
+    values, unit = rates, "angular velocity [rad/s]"
     change = np.ptp(rates.to_numpy(), axis=0).max() * states["time"].iloc[-1]
     if change < 0.01 and np.ptp(places.to_numpy(), axis=0).max() > 1e-9:
         values, unit = places - places.iloc[0], "displacement [m]"

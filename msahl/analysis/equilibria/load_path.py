@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.vector import scale
 from msahl.analysis.equilibria.static_equations import Balance, Statics
 from msahl.analysis.equilibria.static_matrix import (
     Factors,
@@ -93,16 +94,12 @@ def scaled_loads(model: Model, factor: float) -> Model:
     """Return the ``model`` with gravity and concentrated loads times ``factor``."""
     g = model.gravity
     loads = [
-        replace(load, force=_times(factor, load.force), moment=_times(factor, load.moment))
+        replace(load, force=scale(factor, load.force), moment=scale(factor, load.moment))
         if isinstance(load, ConcentratedLoad)
         else load
         for load in model.loads
     ]
-    return replace(model, gravity=_times(factor, g), loads=tuple(loads))
-
-
-def _times(factor: float, a: tuple[float, float, float]) -> tuple[float, float, float]:
-    return (factor * a[0], factor * a[1], factor * a[2])
+    return replace(model, gravity=scale(factor, g), loads=tuple(loads))
 
 
 def grown(statics: Statics, state: State) -> Rest:

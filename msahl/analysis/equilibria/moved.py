@@ -20,6 +20,7 @@ import numpy as np
 
 from msahl.algebra.functions import Law
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import plain_vector
 from msahl.algebra.vector import Vector, at, dot
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
@@ -77,21 +78,20 @@ def _body(body: RigidBody, point: Point, b: int, size: float) -> RigidBody:
     P = _snapped(at(state.p, b), body.orientation, NEGLIGIBLE)
     R, arm = np.array(matrix(P)), np.array(body.r_BG)
     spin = state.w[b]
-    position = _snapped(_vector(state.x[b] - R @ arm), body.position, size)
-    velocity = _vector(R.T @ state.v[b] - np.cross(spin, arm))
+    position = _snapped(plain_vector(state.x[b] - R @ arm), body.position, size)
+    velocity = plain_vector(R.T @ state.v[b] - np.cross(spin, arm))
     return replace(
-        body, position=position, orientation=P, velocity=velocity, angular_velocity=_vector(spin)
+        body,
+        position=position,
+        orientation=P,
+        velocity=velocity,
+        angular_velocity=plain_vector(spin),
     )
 
 
 def _snapped(a: Vector, given: Vector, size: float) -> Vector:
     """Return ``a`` with those components of the ``given`` vector from which it hardly differs."""
     x, y, z = (old if abs(new - old) <= size else new for new, old in zip(a, given, strict=True))
-    return (x, y, z)
-
-
-def _vector(a: np.ndarray) -> Vector:
-    x, y, z = (a + 0.0).tolist()  # no minus before a zero
     return (x, y, z)
 
 

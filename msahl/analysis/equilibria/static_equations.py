@@ -249,10 +249,9 @@ def _own_loads(system: System) -> tuple[System, list[tuple[np.ndarray, np.ndarra
         return scaled[-1][0]
 
     bodies = system.bodies._replace(gravity=own(system.bodies.gravity))
-    plain = forces.concentrated
-    forces = forces._replace(concentrated=plain._replace(f=own(plain.f), m=own(plain.m)))
-    if forces.controlled is not None:
-        loads = forces.controlled.loads
-        loads = loads._replace(f=own(loads.f), m=own(loads.m))
-        forces = forces._replace(controlled=forces.controlled._replace(loads=loads))
+    for name in ("concentrated", "controlled"):
+        loads = getattr(forces, name)
+        if loads is not None:
+            loads = loads._replace(f=own(loads.f), m=own(loads.m))
+            forces = forces._replace(**{name: loads})
     return system._replace(bodies=bodies, forces=forces), scaled

@@ -12,7 +12,7 @@ from msahl.expressions.syntax import Number, nearest
 from msahl.joints.coordinates import is_angle
 from msahl.joints.registry import KINDS
 from msahl.model import ConcentratedLoad, JointActuator, MarkerActuator, Model
-from msahl.model.loads import Actuator, Load
+from msahl.model.loads import Load
 from msahl.model.motions import JointMotion, PointMotion
 
 NONE = Number(0.0)
@@ -47,7 +47,7 @@ def with_drives(
     """
     known = _known(model)
     chosen = list(names) or [
-        *(load.name for load in model.loads if isinstance(load, Actuator)),
+        *(load.name for load in model.actuators),
         *(motion.name for motion in model.motions),
     ]
     chosen = chosen or list(given)
@@ -78,13 +78,7 @@ def results_of(model: Model, drives: Sequence[Drive]) -> list[int]:
     """Return the number of each drive among the results of the signals: actuators, then other
     loads by expressions, in the order of the deck.
     """
-    actuators = [load.name for load in model.loads if isinstance(load, Actuator)]
-    others = [
-        load.name
-        for load in model.loads
-        if isinstance(load, ConcentratedLoad) and load.expression is not None
-    ]
-    order = [*actuators, *others]
+    order = [load.name for load in (*model.actuators, *model.controlled)]
     return [order.index(drive.name) for drive in drives]
 
 

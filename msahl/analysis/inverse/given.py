@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import euler_parameters, matrices, rotations
+from msahl.algebra.rotation_arrays import cross, euler_parameters, matrices, rotated, rotations
 from msahl.algebra.vector import ZERO, Vector
 from msahl.analysis.inverse.table import Track
 from msahl.analysis.linearised.coefficients import skews
@@ -26,9 +26,7 @@ from msahl.joints.coordinates import (
     Geometry,
     Motion,
     columns,
-    cross,
     relative,
-    rotated,
     stacked,
     values_and_rates,
 )

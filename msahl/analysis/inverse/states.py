@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import matrices, quaternions
+from msahl.algebra.rotation_arrays import matrices, product, quaternions
 from msahl.analysis.inverse.drives import InverseError
-from msahl.analysis.inverse.table import product
 from msahl.analysis.kinematics.configuration import Equations, copy_to
 from msahl.elements.constraints import scalar
 from msahl.ports import forces

@@ -14,20 +14,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import quaternions, rotations
+from msahl.algebra.rotation_arrays import product, quaternions, rotated, rotations
 from msahl.analysis.inverse.columns import header, in_si
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.run_error import RunError, run_error
 from msahl.expressions.syntax import nearest
-from msahl.joints.coordinates import (
-    ORIENTATION,
-    SPATIAL,
-    SUFFIXES,
-    coordinates,
-    cross,
-    is_angle,
-    rotated,
-)
+from msahl.joints.coordinates import ORIENTATION, SPATIAL, SUFFIXES, coordinates, is_angle
 from msahl.model import Joint, Model
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
@@ -347,13 +339,6 @@ def _rotating(track: Track, table: dict[str, np.ndarray]) -> Track:
 def _pure(vectors: np.ndarray) -> np.ndarray:
     """(m, 4) quaternions without scalar part."""
     return np.concatenate([np.zeros((len(vectors), 1)), vectors], axis=1)
-
-
-def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(m, 4) products of quaternions, scalars first."""
-    a, u, b, v = p[:, :1], p[:, 1:], q[:, :1], q[:, 1:]
-    scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
-    return np.concatenate([scalar, a * v + b * u + cross(u, v)], axis=1)
 
 
 def spins(q: np.ndarray, rate: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import matrix
-from msahl.algebra.rotation_arrays import parameters, rotations
+from msahl.algebra.rotation_arrays import parameters, rotated, rotations
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Evaluated, expression_slopes
 from msahl.analysis.linearised.plain_units import coordinate_numbers, equation_numbers
@@ -21,9 +21,8 @@ from msahl.analysis.linearised.variations import Variations
 from msahl.elements import reactions
 from msahl.elements.beams import instant as beams
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
-from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
+from msahl.joints.coordinates import Motion, coordinates, point_motion
 from msahl.model import Model
-from msahl.model.loads import Actuator
 from msahl.ports import forces
 from msahl.run.joint_table import JointTable
 from msahl.run.marker_table import MarkerTable
@@ -205,8 +204,7 @@ class Columns:
             if len(self.changes.shown):
                 slope = slope + self.changes.shown[k]
             table[name] = Column(value, slope + self.fed.get(name, 0.0))
-        actuators = [load for load in point.model.loads if isinstance(load, Actuator)]
-        for load in actuators:
+        for load in point.model.actuators:
             rate, column = self.table(RATES)[load.name], table[f"{load.name}.{LOAD_COLUMN}"]
             slope = column.value * rate.slope + column.slope * rate.value
             table[f"{load.name}.{POWER_COLUMN}"] = Column(column.value * rate.value, slope)
@@ -230,7 +228,7 @@ def headers(model: Model) -> dict[str, list[str]]:
         f"{name}.{c}{level}" for level in LEVELS for name in bodies for c in BODY_COORDINATES[:3]
     ]
     found[WORK] = [c if c.endswith(f".{ENERGY}") else "" for c in work_columns(model)[1:]]
-    found[RATES] = [load.name for load in model.loads if isinstance(load, Actuator)]
+    found[RATES] = [load.name for load in model.actuators]
     del found[SIGNALS]
     return found
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from msahl.algebra.functions import evaluate as law
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import cross, rotated
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Evaluated, evaluated, result_row
 from msahl.analysis.linearised.point import Point, complete
@@ -27,11 +28,9 @@ from msahl.expressions.syntax import Call, Name, Number, nearest
 from msahl.joints.coordinates import (
     Motion,
     coordinates,
-    cross,
     geometry,
     is_angle,
     relative,
-    rotated,
     values_and_rates,
 )
 from msahl.model import ConcentratedLoad, JointMotion, Model, Signal, SignalState
@@ -167,7 +166,7 @@ class _Maker:
 
     def actuator(self, name: str, load: Actuator) -> Input:
         """An input that is added to the load of an actuator."""
-        r = [other for other in self.point.model.loads if isinstance(other, Actuator)].index(load)
+        r = self.point.model.actuators.index(load)
         at_coordinates = self.found.coordinate
         row = result_row(self.system, self.found.start, r)
         force = (row * self.found.force_scale)[at_coordinates]
@@ -183,14 +182,13 @@ class _Maker:
     def load(self, name: str, load: ConcentratedLoad) -> Input:
         """An input that is added to the factor of a concentrated load."""
         forces, model = self.system.forces, self.point.model
-        concentrated = [other for other in model.loads if isinstance(other, ConcentratedLoad)]
         by_expression = load.expression is not None
-        alike = [other for other in concentrated if (other.expression is not None) == by_expression]
+        alike = model.controlled if by_expression else model.concentrated
         k, value = alike.index(load), 1.0
-        group = forces.controlled.loads if by_expression and forces.controlled else None
-        group = group or forces.concentrated
+        group = forces.concentrated
         if by_expression and forces.controlled and forces.signals:
-            place = forces.signals.result[forces.controlled.first_result + k]
+            group = forces.controlled
+            place = forces.signals.result[len(model.actuators) + k]
             value = float(self.found.start.forces.signals.values.value[place])
         elif group.law[k] >= 0:
             value = law(self.system.laws, int(group.law[k]), self.point.time)[0]

@@ -9,7 +9,7 @@ from msahl.post.glb.animation import Keys
 from msahl.post.glb.container import INDICES, JOINTS, VERTICES, Numbers, glb
 from msahl.post.glb.springs import Stretched, choose_spring_keys, ends, motion, surfaces
 from msahl.post.scene.beams import rings_at_nodes
-from msahl.post.scene.geometry import Shape, along, quaternion
+from msahl.post.scene.geometry import Shape, floats, smallest_rotation
 from msahl.post.scene.triangles import Triangles, triangles
 from msahl.version import VERSION
 
@@ -18,6 +18,8 @@ GREY = "#9aa3ad"
 """Colour of the ground's shapes that have none."""
 SPRING = "#6c7683"
 """Colour of springs and dampers, as in the viewer."""
+UP = (0.0, 1.0, 0.0)
+"""Direction that glTF has upwards."""
 METALLIC, ROUGHNESS = 0.1, 0.6
 
 
@@ -53,9 +55,8 @@ class _File:
     """A document as it is built. Node 0 is the root, whose children are bodies and ground."""
 
     def __init__(self, scene: Mapping[str, Any]) -> None:
-        up = quaternion(_upright(scene["up"]))
         self.nodes: list[Node] = [{"name": scene["title"] or "model", "children": []}]
-        self.nodes[0]["rotation"] = _xyzw(up)
+        self.nodes[0]["rotation"] = _xyzw(smallest_rotation(scene["up"], UP))
         self.numbers = Numbers()
         self.meshes: dict[tuple[Any, ...], int] = {}
         self.mesh_list: list[dict[str, Any]] = []
@@ -207,18 +208,7 @@ def linear(colour: str) -> list[float]:
     return [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
 
 
-def _upright(up: Sequence[float]) -> np.ndarray:
-    """Return the rotation (3, 3) that takes the direction ``up`` to y, the smallest one."""
-    a, y = np.asarray(up, dtype=float), np.array([0.0, 1.0, 0.0])
-    axis, cosine = np.cross(a, y), float(a @ y)
-    if cosine < -1.0 + 1e-12:  # half a revolution about any axis across
-        x = along(a)[:, 0]
-        return np.asarray(2.0 * np.outer(x, x) - np.eye(3))
-    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.asarray(np.eye(3) + K + K @ K / (1.0 + cosine))
-
-
 def _xyzw(q: Sequence[float] | np.ndarray) -> list[float]:
     """Return a quaternion [w, x, y, z] with its scalar last, as glTF has it."""
-    w, x, y, z = map(float, q)
+    w, x, y, z = floats(q)
     return [x, y, z, w]

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import matrices
+from msahl.algebra.rotation_arrays import matrices, product
 from msahl.post.glb.animation import choose_keys
-from msahl.post.scene.geometry import along, quaternion
+from msahl.post.scene.geometry import along, quaternion, ring_faces, smallest_rotation
 from msahl.post.scene.triangles import Triangles, revolved, straight
 
 WINDINGS, PER_WINDING, AROUND = 9, 16, 8
@@ -70,7 +70,9 @@ def motion(ends: np.ndarray, size: float) -> Stretched:
         q = np.array(quaternion(along(d)))
     for k, length in enumerate(lengths):
         if length > 0.0:
-            q, d = _rotated(q, d, apart[k] / length), apart[k] / length
+            before, d = d, apart[k] / length
+            q = product(smallest_rotation(before, d), q)
+            q /= np.linalg.norm(q)
         poses[k, 3:] = q
     return Stretched(poses, np.maximum(lengths, FLAT * size))
 
@@ -81,15 +83,6 @@ def choose_spring_keys(time: np.ndarray, stretched: Stretched, size: float) -> n
     lengths[:, 2], lengths[:, 3] = stretched.lengths, 1.0
     keys = (choose_keys(time, poses, size) for poses in (stretched.poses, lengths))
     return np.unique(np.concatenate([key.rows for key in keys]))
-
-
-def _rotated(q: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """The quaternion ``q`` after the smallest rotation from one direction to another."""
-    w, v = 1.0 + before @ after, np.cross(before, after)
-    if w < 1e-12:  # half a revolution about any axis across
-        w, v = 0.0, along(before)[:, 0]
-    product = np.append(w * q[0] - v @ q[1:], w * q[1:] + q[0] * v + np.cross(v, q[1:]))
-    return np.asarray(product / np.linalg.norm(product))
 
 
 def _helix(radius: float) -> np.ndarray:
@@ -110,18 +103,10 @@ def _tube(centre: np.ndarray, radius: float, along_z: float) -> Triangles:
     up = np.where(size > 0.0, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))  # across the straight ends
     rings = np.cos(angle)[:, None] * x[:, None] + np.sin(angle)[:, None] * up[:, None]
     vertices = (centre[:, None] + (radius, radius, along_z) * rings).reshape(-1, 3)
-    return Triangles(vertices, rings.reshape(-1, 3), _faces(len(centre), AROUND))
+    return Triangles(vertices, rings.reshape(-1, 3), ring_faces(len(centre), AROUND))
 
 
 def _damper(radius: float) -> Triangles:
     """The surface of revolution of a cylinder with its rod."""
     outline = [(r * radius, z) for r, z in CYLINDER]
     return revolved([straight(a, b) for a, b in pairwise(outline)])
-
-
-def _faces(rings: int, around: int) -> np.ndarray:
-    """Triangles (m, 3) between rings of vertices."""
-    i, k = (n.ravel() for n in np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij"))
-    a, b = i * around + k, i * around + (k + 1) % around
-    first = np.column_stack([a, b, a + around])
-    return np.concatenate([first, np.column_stack([b, b + around, a + around])])

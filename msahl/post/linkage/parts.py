@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from msahl.post.scene.geometry import along, half_box, quaternion, rotation
+from msahl.algebra.rotation_arrays import matrices
+from msahl.post.scene.geometry import along, half_box, quaternion
 from msahl.post.scene.geometry import shape as derived_shape
 
 GROUND = -1
@@ -186,7 +187,7 @@ def _add_hanging(
 
 def _reach(shape: dict[str, Any], direction: np.ndarray) -> float:
     """Return the distance from the middle of a shape to the box around it along a unit vector."""
-    local = np.abs(rotation(shape["orientation"]).T @ direction)
+    local = np.abs(matrices(shape["orientation"]).T @ direction)
     return float(np.min(half_box(shape) / np.maximum(local, 1e-12)))
 
 
@@ -194,7 +195,7 @@ def surface(shape: dict[str, Any]) -> np.ndarray:
     """Return points (n, 3) on a shape, in the axes of its body, that have its outline in every
     direction: corners, rims, or circles about a sphere."""
     points = _local(shape)
-    return np.asarray(points @ rotation(shape["orientation"]).T + np.array(shape["position"]))
+    return np.asarray(points @ matrices(shape["orientation"]).T + np.array(shape["position"]))
 
 
 def spoke(shape: dict[str, Any]) -> np.ndarray:
@@ -203,7 +204,7 @@ def spoke(shape: dict[str, Any]) -> np.ndarray:
     if shape["kind"] == "cone":
         height = -height
     line = np.array([[0.0, 0.0, height], [shape["size"][0], 0.0, height]])
-    return np.asarray(line @ rotation(shape["orientation"]).T + np.array(shape["position"]))
+    return np.asarray(line @ matrices(shape["orientation"]).T + np.array(shape["position"]))
 
 
 def _local(shape: dict[str, Any]) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from msahl.elements.beams.shape import interpolation, shape
 from msahl.model import Beam, BeamShape, Model
-from msahl.post.scene.geometry import floats
+from msahl.post.scene.geometry import floats, ring_faces
 from msahl.run.beam_table import stiffness_of
 
 Entry = dict[str, Any]
@@ -72,12 +72,8 @@ def rings_at_nodes(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
     t = (stations / share[-1])[:, None, None]
     rings = np.zeros((count, corners, 3))
     rings[..., 1:] = (1.0 - t) * start + t * end
-    faces = []
-    for k in range(count - 1):
-        for c in range(corners):
-            a, b = k * corners + c, k * corners + (c + 1) % corners
-            faces += [[a, b, b + corners], [a, b + corners, a + corners]]
     last = (count - 1) * corners
-    for c in range(1, corners - 1):  # both ends
-        faces += [[0, c + 1, c], [last, last + c, last + c + 1]]
-    return rings, np.array(faces)
+    ends = []
+    for c in range(1, corners - 1):
+        ends += [[0, c + 1, c], [last, last + c, last + c + 1]]
+    return rings, np.concatenate([ring_faces(count, corners), ends])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.algebra.rotation_arrays import quaternions
+from msahl.algebra.rotation_arrays import matrices, quaternions
 from msahl.model import Model, RigidBody
 from msahl.post.scene.beams import beam_entries, node_beams
 from msahl.post.scene.derived import (
@@ -21,16 +21,7 @@ from msahl.post.scene.derived import (
     visible,
     wheel_radii,
 )
-from msahl.post.scene.geometry import (
-    Shape,
-    along,
-    corners,
-    floats,
-    half_box,
-    quaternion,
-    rotation,
-    shape,
-)
+from msahl.post.scene.geometry import Shape, along, corners, floats, half_box, quaternion, shape
 from msahl.post.scene.glyphs import (
     GROUND,
     Entry,
@@ -235,7 +226,7 @@ def _placed(points: np.ndarray, poses: Sequence[Sequence[float]], index: int) ->
     if index == GROUND:
         return points
     x, q = np.array(poses[index][:3]), poses[index][3:]
-    return np.asarray(points @ rotation(q).T + x)
+    return np.asarray(points @ matrices(q).T + x)
 
 
 def _up(model: Model) -> list[float]:
@@ -250,7 +241,7 @@ def _normal(joints: Sequence[Entry], poses: Sequence[Sequence[float]]) -> list[f
     for joint in joints:
         if joint["glyph"] in ("axis", "gear"):
             q = [1.0, 0.0, 0.0, 0.0] if joint["parent"] == GROUND else poses[joint["parent"]][3:]
-            found.append(rotation(q) @ joint["axis"])
+            found.append(matrices(q) @ joint["axis"])
         elif joint["glyph"] not in IN_PLANE:
             return None
     if not found or any(np.linalg.norm(np.cross(found[0], a)) > PARALLEL for a in found):

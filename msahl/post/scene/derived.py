@@ -18,9 +18,10 @@ from itertools import permutations
 
 import numpy as np
 
+from msahl.algebra.rotation_arrays import matrices
 from msahl.joints.registry import KINDS
 from msahl.model import Joint, RigidBody
-from msahl.post.scene.geometry import Shape, along, floats, half_box, quaternion, rotation, shape
+from msahl.post.scene.geometry import Shape, along, floats, half_box, quaternion, shape
 
 ROD_RADIUS, LEAST, LARGEST = 0.01, 0.02, 2.0
 """Radius of a rod, least half length and largest length of a solid, by the model's size."""
@@ -112,9 +113,9 @@ def links(centre: Sequence[float], points: Sequence[Sequence[float]], radius: fl
 
 def inside(rod: Shape, solid: Shape) -> bool:
     """Return whether a rod lies within the box around a solid, both shapes of one body."""
-    R = rotation(rod["orientation"])
+    R = matrices(rod["orientation"])
     ends = [np.array(rod["position"]) + s * 0.5 * rod["size"][1] * R[:, 2] for s in (-1.0, 1.0)]
-    local = [rotation(solid["orientation"]).T @ (end - solid["position"]) for end in ends]
+    local = [matrices(solid["orientation"]).T @ (end - solid["position"]) for end in ends]
     return all(bool(np.all(np.abs(end) <= half_box(solid))) for end in local)
 
 

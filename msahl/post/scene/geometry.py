@@ -4,8 +4,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from msahl.algebra.rotation_arrays import euler_parameters
+from msahl.algebra.rotation_arrays import euler_parameters, matrices
 
 Shape = dict[str, Any]
 UNTURNED = [1.0, 0.0, 0.0, 0.0]
@@ -21,13 +22,6 @@ def quaternion(R: np.ndarray) -> list[float]:
     return floats(euler_parameters(R))
 
 
-def rotation(q: Sequence[float]) -> np.ndarray:
-    """Return the matrix (3, 3) of a unit quaternion [w, x, y, z]."""
-    w, v = q[0], np.array(q[1:])
-    K = np.cross(np.eye(3), v)
-    return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
-
-
 def along(direction: Sequence[float] | np.ndarray) -> np.ndarray:
     """Return a rotation matrix (3, 3) whose third column is along ``direction``, of any length."""
     z = np.asarray(direction, dtype=float)
@@ -36,6 +30,30 @@ def along(direction: Sequence[float] | np.ndarray) -> np.ndarray:
     x = x - (x @ z) * z
     x = x / np.sqrt(x @ x)
     return np.column_stack([x, np.cross(z, x), z])
+
+
+def smallest_rotation(before: ArrayLike, after: ArrayLike) -> np.ndarray:
+    """Return the quaternion (4,) of the smallest rotation from one unit vector to another."""
+    a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
+    w, v = 1.0 + a @ b, np.cross(a, b)
+    if w < 1e-12:  # half a revolution about any axis across
+        w, v = 0.0, along(a)[:, 0]
+    q = np.append(w, v)
+    return np.asarray(q / np.linalg.norm(q))
+
+
+def grid_faces(numbers: np.ndarray) -> np.ndarray:
+    """Return two triangles (n, 3) for each cell of a grid of vertices, by their ``numbers`` (p, q):
+    counterclockwise seen from where the next row is to the left of the next column.
+    """
+    a, b, c, d = numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
+def ring_faces(rings: int, around: int) -> np.ndarray:
+    """Return the triangles between ``rings`` of vertices, which are counted ring by ring."""
+    numbers = np.arange(rings * around).reshape(rings, around)
+    return grid_faces(np.concatenate([numbers, numbers[:, :1]], axis=1))
 
 
 def shape(
@@ -75,4 +93,4 @@ def corners(shape: Shape) -> np.ndarray:
         vertices = np.reshape(shape["vertices"], (-1, 3))
         middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     inside = middle + signs * half_box(shape)
-    return np.asarray(inside @ rotation(shape["orientation"]).T + np.array(shape["position"]))
+    return np.asarray(inside @ matrices(shape["orientation"]).T + np.array(shape["position"]))

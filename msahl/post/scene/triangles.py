@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.post.scene.geometry import Shape
+from msahl.post.scene.geometry import Shape, grid_faces
 
 AROUND, QUARTER = 32, 8
 """Segments of a circle, and of a quarter of it along a meridian."""
@@ -97,11 +97,7 @@ def revolved(pieces: list[Piece]) -> Triangles:
             ring = around[:, None, :] * profile[None, :, :1]
             height = np.broadcast_to(profile[None, :, 1:], (*ring.shape[:2], 1))
             found.append(np.concatenate([ring, height], axis=2).reshape(-1, 3))
-        i, j = np.meshgrid(np.arange(AROUND), np.arange(k - 1), indexing="ij")
-        low = first + (i * k + j).ravel()
-        right, upper = low + k, low + 1
-        faces.append(np.column_stack([low, right, right + 1]))
-        faces.append(np.column_stack([low, right + 1, upper]))
+        faces.append(grid_faces(first + np.arange(len(around) * k).reshape(-1, k).T))
     return Triangles(np.concatenate(vertices), np.concatenate(normals), _proper(vertices, faces))
 
 

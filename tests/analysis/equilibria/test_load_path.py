@@ -36,8 +36,14 @@ def column(force, sides):
     return build_model([bob], [foot], [spring, load])
 
 
-def test_snap_through_follows_its_closed_form():
-    points = list(Path(at_start(deck("snap_through"))).to(1.0, wanted=(0.2,)))
+@pytest.fixture(scope="module")
+def snap_through():
+    """The points of the path of a truss that snaps through, among them those at a wanted load."""
+    return list(Path(at_start(deck("snap_through"))).to(1.0, wanted=(0.2,)))
+
+
+def test_snap_through_follows_its_closed_form(snap_through):
+    points = snap_through
     for point in points:
         z = point.state.x[0, 2]
         assert spring_force(z) == pytest.approx(30.0 * point.factor, abs=30.0 * ROUND_OFF)
@@ -49,9 +55,8 @@ def test_snap_through_follows_its_closed_form():
     assert points[-1].factor == 1.0
 
 
-def test_limit_points_are_the_extrema_of_the_load():
-    points = Path(at_start(deck("snap_through"))).to(1.0)
-    limits = [point for point in points if point.kind]
+def test_limit_points_are_the_extrema_of_the_load(snap_through):
+    limits = [point for point in snap_through if point.kind]
     height = np.sqrt(1.09 ** (1 / 3) - 1.0)
     assert [point.kind for point in limits] == ["limit point", "limit point"]
     for sign, point in zip((1.0, -1.0), limits, strict=True):

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import msahl
+from msahl.algebra.rotation_arrays import product
 from msahl.algebra.vector import ZERO
 from msahl.analysis.inverse import solution
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.given import Measures
 from msahl.analysis.inverse.solution import inverse
 from msahl.analysis.inverse.splines import derived
-from msahl.analysis.inverse.table import Track, motion_of_table, product, spins
+from msahl.analysis.inverse.table import Track, motion_of_table, spins
 from msahl.analysis.inverse.verdict import verdict
 from msahl.analysis.kinematics import configuration
 from msahl.analysis.linearised.point import at_start

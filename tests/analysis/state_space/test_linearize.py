@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import control
 import numpy as np
 import pytest
 from scipy import signal
@@ -263,7 +262,9 @@ OMEGA = np.array([0.3, 2.0, 9.0, 40.0])
 
 
 def response(linear, omega=OMEGA):
-    """(outputs, inputs, frequencies) by python-control."""
+    """(outputs, inputs, frequencies) by python-control, which takes seconds to import."""
+    import control
+
     return control.frequency_response(linear.to_control(), omega).frdata
 
 
@@ -394,6 +395,8 @@ def test_a_step_response_against_a_run():
     linear = linearize(point, ["voltage"], ["Coupler.x", "Coupler.z", "current"])
     assert not linear.warnings
     time = np.linspace(0.0, 0.5, 51)
+    import control
+
     _, y = control.step_response(linear.to_control(), time)
     _, by_scipy = signal.step(linear.to_scipy(), T=time)
     records = load(path, supply=volts, rise=1e-9).records

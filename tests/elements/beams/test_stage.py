@@ -5,7 +5,7 @@ import pytest
 
 from tests.support.beams import ELASTIC, FLEXIBLE, cantilever, free_beam
 from tests.support.collocation_step import Step
-from tests.support.models import simulate
+from tests.support.models import simulate_and_estimate as simulate
 
 SOFT = (1e3, 4e2, 4e2, 10.0, 12.0, 15.0)
 T = 0.1

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from msahl.algebra.rotation_arrays import rotations
+from msahl.algebra.rotation_arrays import matrices, rotations
 from msahl.cli.main import main as msahl
 from msahl.model import JointSpring, SpringDamper
 from msahl.post.cli import main as post
 from msahl.post.glb.animation import TOLERANCE, choose_keys, interpolate
-from msahl.post.glb.gltf import _upright, linear
+from msahl.post.glb.gltf import linear
 from msahl.post.glb.springs import motion, surfaces
-from msahl.post.scene.geometry import rotation
 from msahl.results.read import read_run
 from tests.support import run_folders
 from tests.support.models import ROOT
@@ -83,7 +82,7 @@ class Reader:
         """Matrix (4, 4) of a node in the axes of its parent."""
         M = np.eye(4)
         x, y, z, w = self.value(node, "rotation", t)
-        M[:3, :3] = rotation([w, x, y, z])
+        M[:3, :3] = matrices([w, x, y, z])
         if self.file.nodes[node].translation:
             M[:3, 3] = self.value(node, "translation", t)
         return M
@@ -183,7 +182,7 @@ def test_a_spring_follows_its_ends(seed):
     points[7, 1] = points[7, 0]
     found = motion(points, 1.0)
     for (a, b), pose, length in zip(points, found.poses, found.lengths, strict=True):
-        end = pose[:3] + rotation(pose[3:]) @ (0.0, 0.0, length)
+        end = pose[:3] + matrices(pose[3:]) @ (0.0, 0.0, length)
         # 1e-6: the least length, where both ends coincide.
         assert np.allclose(pose[:3], a)
         assert np.allclose(end, b, rtol=0, atol=2e-6)
@@ -239,14 +238,6 @@ def test_key_poses_are_within_the_tolerance():
     steady[:, 0], steady[:, 3], steady[:, 6] = time, np.cos(time / 40), np.sin(time / 40)
     assert len(choose_keys(time, steady, 10.0).rows) == -(-4000 // 64) + 1
     assert len(choose_keys(time, np.tile(poses[0], (4001, 1)), 2.0).rows) == 1
-
-
-@pytest.mark.parametrize("up", [(0, 0, 1), (0, 0, -1), (0, 1, 0), (0, -1, 0), (1, 0, 0)])
-def test_upright(up):
-    R = _upright(up)
-    assert np.allclose(R @ up, [0, 1, 0], rtol=0, atol=1e-15)
-    assert np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-15)
-    assert np.linalg.det(R) == pytest.approx(1)
 
 
 def test_colours_are_linear():

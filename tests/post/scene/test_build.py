@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msahl.algebra.rotation_arrays import rotations
+from msahl.algebra.rotation_arrays import matrices, rotations
 from msahl.deck import read_deck
 from msahl.post.scene import build_scene
 from msahl.post.scene.derived import equivalent_solid, wheel_radii
-from msahl.post.scene.geometry import along, quaternion, rotation
+from msahl.post.scene.geometry import along, quaternion, smallest_rotation
 from tests.support.models import DECKS, ROOT
 
 POINTS = {"parent": "parentPoint", "child": "childPoint", "a": "aPoint", "b": "bPoint"}
@@ -34,7 +34,7 @@ def inertia(shape, mass):
         radius, length = size
         across = mass * (3 * radius**2 + length**2) / 12
         moments = [across, across, 0.5 * mass * radius**2]
-    R = rotation(shape["orientation"])
+    R = matrices(shape["orientation"])
     return R @ np.diag(moments) @ R.T
 
 
@@ -52,8 +52,8 @@ def test_scene_of_every_deck_is_complete_json(deck):
     low, high = np.array(scene["extent"])
     for index, record in enumerate(model.bodies):
         x, q = scene["bodies"][index]["pose"][:3], scene["bodies"][index]["pose"][3:]
-        assert np.allclose(rotation(q), rotations(np.array(record.orientation)), rtol=0, atol=UNIT)
-        centre = rotation(q) @ record.r_BG + x
+        assert np.allclose(matrices(q), rotations(np.array(record.orientation)), rtol=0, atol=UNIT)
+        centre = matrices(q) @ record.r_BG + x
         assert np.all(low - 1e-9 <= centre)
         assert np.all(centre <= high + 1e-9)
     for entry in scene["joints"] + scene["springs"]:
@@ -84,7 +84,7 @@ def test_links_join_the_mass_centre_and_the_joints():
     far = scene_of("thesis/double_pendulum_45.xml")["bodies"][0]
     assert [shape["kind"] for shape in far["shapes"]] == ["sphere", "rod"]
     rod = far["shapes"][1]
-    ends = [np.array(rod["position"]) + s * rod["size"][1] * rotation(rod["orientation"])[:, 2]
+    ends = [np.array(rod["position"]) + s * rod["size"][1] * matrices(rod["orientation"])[:, 2]
             for s in (-0.5, 0.5)]  # fmt: skip
     centre = min(np.linalg.norm(end - far["centre"]) for end in ends)
     assert centre < 1e-12  # of a length of 5 m
@@ -154,7 +154,17 @@ def test_a_rotation_and_its_quaternion():
         assert np.allclose(R @ R.T, np.eye(3), rtol=0, atol=UNIT)
         assert np.linalg.det(R) > 0
         assert np.allclose(R[:, 2], vector / np.linalg.norm(vector), rtol=0, atol=UNIT)
-        assert np.allclose(rotation(quaternion(R)), R, rtol=0, atol=UNIT)
+        assert np.allclose(matrices(quaternion(R)), R, rtol=0, atol=UNIT)
+
+
+@pytest.mark.parametrize("after", [(0, 1, 0), (0.6, 0, -0.8)])
+@pytest.mark.parametrize("before", [(0, 0, 1), (0, 0, -1), (0, 1, 0), (0, -1, 0), (-0.6, 0, 0.8)])
+def test_smallest_rotation(before, after):
+    q = smallest_rotation(before, after)
+    R = matrices(q)
+    assert np.allclose(R @ before, after, rtol=0, atol=1e-15)
+    assert np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-15)
+    assert np.allclose(q[0] ** 2, 0.5 * (1 + np.dot(before, after)), rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -184,6 +194,6 @@ def test_a_spring_along_a_joint_has_a_length(deck):
         x, q = np.zeros(3), np.eye(3)
         if spring[side] >= 0:
             pose = scene["bodies"][spring[side]]["pose"]
-            x, q = np.array(pose[:3]), rotation(pose[3:])
+            x, q = np.array(pose[:3]), matrices(pose[3:])
         ends.append(x + q @ spring[f"{side}Point"])
     assert np.linalg.norm(ends[1] - ends[0]) >= 0.08 * scene["size"]

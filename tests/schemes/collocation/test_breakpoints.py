@@ -8,7 +8,17 @@ from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Joint
 from msahl.model.loads import JointSpring
 from tests.schemes.collocation.test_step_control import adaptive
-from tests.support.models import GROUND, body, build_model, deck, friction, pendulum, simulate
+from tests.support.models import (
+    GROUND,
+    body,
+    build_model,
+    deck,
+    friction,
+    pendulum,
+)
+from tests.support.models import (
+    simulate_and_estimate as simulate,
+)
 
 TOLERANCES = [1e-3, 1e-6, 1e-9]
 RAIL = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO)

@@ -17,7 +17,8 @@ from msahl.run.verdict import PASS
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
 from tests.support.closed_forms import recognise
-from tests.support.models import THESIS, deck, simulate
+from tests.support.models import THESIS, deck
+from tests.support.models import simulate_and_estimate as simulate
 
 TABLES = ("states", "reactions", "work")
 SINGLE = THESIS[0].parent / "single_pendulum_45.xml"

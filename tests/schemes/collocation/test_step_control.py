@@ -17,7 +17,16 @@ from msahl.model import ConcentratedLoad, Joint, JointActuator, Options, SignalS
 from msahl.run.conclusion import longest_step
 from tests.run.test_resume import advance, bits, in_two_parts
 from tests.support.closed_forms import recognise
-from tests.support.models import DECKS, GROUND, body, build_model, deck, simulate
+from tests.support.models import (
+    DECKS,
+    GROUND,
+    body,
+    build_model,
+    deck,
+)
+from tests.support.models import (
+    simulate_and_estimate as simulate,
+)
 from tests.system.test_nonfinite import push
 
 SINGLE = next(path for path in DECKS if path.stem == "single_pendulum_45")

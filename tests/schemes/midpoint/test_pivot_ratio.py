@@ -8,7 +8,8 @@ from msahl.linalg import sparse_lu
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import TARGET
-from tests.support.models import chain, deck, simulate
+from tests.support.models import chain, deck
+from tests.support.models import simulate_and_estimate as simulate
 
 
 def factored():

@@ -12,7 +12,16 @@ from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.model.scheme import EXPONENTIAL
 from msahl.run.explain import explain
-from tests.support.models import DECKS, body, build_model, chain, deck, simulate
+from tests.support.models import (
+    DECKS,
+    body,
+    build_model,
+    chain,
+    deck,
+)
+from tests.support.models import (
+    simulate_and_estimate as simulate,
+)
 from tests.support.reference_motions import euler_motion, top_path
 
 (TOP,) = (path for path in DECKS if path.stem == "top_1")
