@@ -12,6 +12,7 @@ from msahl.analysis.equilibria.search import all_equilibria, find
 from msahl.analysis.equilibria.stability import stability
 from msahl.analysis.equilibria.tables import tables
 from msahl.analysis.linearised.point import Point
+from msahl.analysis.linearised.steady import residual_in_words
 from msahl.api.html import html_table
 from msahl.deck import ParsedDeck, Source
 from msahl.results.info import NoColumnError, ResultError
@@ -81,14 +82,17 @@ class Equilibrium:
         """The model that begins here, a ``Model``."""
         return self._load(ParsedDeck(Source(self._job.source.path, self.xml)))
 
+    def _residual(self) -> str:
+        return residual_in_words(self.residual, self.relative)
+
     def __repr__(self) -> str:
-        return f"<Equilibrium: {self.stability}; residual {self.residual:.2g} N>"
+        return f"<Equilibrium: {self.stability}; residual {self._residual()}>"
 
     def _repr_html_(self) -> str:
         """Return a short table for a notebook."""
         found: dict[str, Any] = {
             "stability": self.stability,
-            "residual": f"{self.residual:.2g} N",
+            "residual": self._residual(),
             "found by": f"{self.method}, {self.iterations} iterations",
             "tables": ", ".join(self.tables),
         }

@@ -45,6 +45,8 @@ from msahl.system.arrays import System, SystemWorkspace
 
 EXPRESSION, COORDINATE, RATE = range(3)
 END, SPLIT = range(2)
+ENDS_AT_KINKS = 3
+"""Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
 NEAR = 1e-9
 """Fraction of a table's piece (beyond its ends: of a metre or radian), or of a friction law's
 width, within which a coordinate or a rate counts as being at the level."""
@@ -109,8 +111,8 @@ def build_margins(system: System, order: int, span: Span) -> Margins | None:
     Steps of order 2 keep it where a force has a kink, and do not end there.
     """
     signals = system.forces.signals
-    found = [*_of_stops(system), *_of_expressions(system, jumps_only=order <= 2)]
-    found += _of_breakpoints(system) if order > 2 else ()
+    found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
+    found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
     known = known_to(signals, span.end)
     if span.step > 0.0:
         known = with_fast_inputs(signals, known, span.step, span.end)

@@ -374,30 +374,53 @@ def sweep(tape: Tape, values: Values) -> None:
 @apart
 def gradient(tape: Tape, values: Values, place: int) -> None:
     """Set the adjoints to the derivatives of the value at ``place``, after ``sweep``."""
-    value, adjoint, first = values.value, values.adjoint, tape.constant.size + tape.inputs
+    adjoint, first = values.adjoint, tape.constant.size + tape.inputs
     for i in range(adjoint.size):
         adjoint[i] = 0.0
     adjoint[place] = 1.0
     for i in range(place - first, -1, -1):
-        slope = adjoint[first + i]
-        if slope == 0.0:
-            continue
-        op, a, b = tape.op[i], tape.a[i], tape.b[i]
-        if op < FIRST_BINARY:
-            adjoint[a] += slope * unary_slope(op, value[a], value[first + i])
-        elif op < WHERE:
-            by_a, by_b = binary_slopes(op, value[a], value[b], value[first + i])
-            adjoint[a] += slope * by_a
-            adjoint[b] += slope * by_b
-        elif op == WHERE:
-            adjoint[b if value[a] != 0.0 else tape.c[i]] += slope
-        elif op == CURVE:
-            if math.isfinite(value[a]):
-                adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
-        elif op == SURFACE:
-            _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], value[a], value[b])
-            adjoint[a] += slope * by_a
-            adjoint[b] += slope * by_b
+        if adjoint[first + i] != 0.0:
+            _pull(tape, values, i)
+
+
+@apart
+def gradient_along(
+    tape: Tape, values: Values, place: int, operations: np.ndarray, begin: int, end: int
+) -> None:
+    """As ``gradient``, by the ``operations`` from ``begin`` to ``end`` alone: those that the value
+    needs, in order. Adjoints of other operations stay as they were.
+    """
+    adjoint, first = values.adjoint, tape.constant.size + tape.inputs
+    for i in range(first):
+        adjoint[i] = 0.0
+    for e in range(begin, end):
+        adjoint[first + operations[e]] = 0.0
+    adjoint[place] = 1.0
+    for e in range(end - 1, begin - 1, -1):
+        if adjoint[first + operations[e]] != 0.0:
+            _pull(tape, values, operations[e])
+
+
+@apart
+def _pull(tape: Tape, values: Values, i: int) -> None:
+    """Add what operation ``i`` contributes to the adjoints of its operands."""
+    value, adjoint, first = values.value, values.adjoint, tape.constant.size + tape.inputs
+    slope, op, a, b = adjoint[first + i], tape.op[i], tape.a[i], tape.b[i]
+    if op < FIRST_BINARY:
+        adjoint[a] += slope * unary_slope(op, value[a], value[first + i])
+    elif op < WHERE:
+        by_a, by_b = binary_slopes(op, value[a], value[b], value[first + i])
+        adjoint[a] += slope * by_a
+        adjoint[b] += slope * by_b
+    elif op == WHERE:
+        adjoint[b if value[a] != 0.0 else tape.c[i]] += slope
+    elif op == CURVE:
+        if math.isfinite(value[a]):
+            adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
+    elif op == SURFACE:
+        _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], value[a], value[b])
+        adjoint[a] += slope * by_a
+        adjoint[b] += slope * by_b
 
 
 def magnitudes(

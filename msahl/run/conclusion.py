@@ -8,6 +8,7 @@ from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides, s
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
+from msahl.run.signal_errors import with_largest
 from msahl.run.tables import counts_revolutions
 from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
@@ -43,6 +44,8 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
         report.error["position"] += setup.mesh.largest
         report.error["mesh"] = setup.mesh.as_json()
     report.verdict = judge(_figures(setup, record, report), setup.settings.limits).as_json()
+    if report.error:
+        report.error |= with_largest(report.error.get("signals", {}))
 
 
 def _count_work(setup: RunSetup, report: Report) -> None:
@@ -81,7 +84,8 @@ def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
         rotation = record.length * (extremes["rotationPerStepMax"] or 0.0)
         displacement = displacement - rotation if rotation < ROTATES * displacement else 0.0
         friction = [
-            unresolved_friction(integrator, h, report.time) for integrator in setup.integrators
+            unresolved_friction(integrator, settings.order, h, report.time)
+            for integrator in setup.integrators
         ]
         estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
     if estimate and (unexplained := estimate.taken_at_any_step(setup.integrators)) is not None:

@@ -28,6 +28,10 @@ STATE, SIGNAL = 0.01, 0.05
 may be wrong: these may be rates or differences."""
 
 
+LISTED = 20
+"""Columns of which ``run.json`` has the errors, the largest; ``error.csv`` has them of all."""
+
+
 class SignalErrors:
     """Errors of the columns of the table of signals, over the run so far.
 
@@ -103,6 +107,23 @@ class SignalErrors:
             name: {"error": float(e), "largest": float(s), "share": float(r), "state": bool(state)}
             for name, e, s, r, state in columns
         }
+
+
+def with_largest(columns: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return what ``run.json`` has of the errors of columns: those of the largest shares, and if
+    there are more the number of the others.
+    """
+    if len(columns) <= LISTED:
+        return {"signals": columns} if columns else {}
+
+    def share(name: str) -> tuple[float, float]:
+        column = columns[name]
+        # Of shares that are round-off the larger one, as far as there is one.
+        return column["share"], column["error"] / column["largest"] if column["largest"] else 0.0
+
+    largest = sorted(columns, key=share, reverse=True)[:LISTED]
+    listed = {name: column for name, column in columns.items() if name in largest}
+    return {"signals": listed, "otherSignals": len(columns) - LISTED}
 
 
 def _terms(integrator: SubsystemIntegrator, scales: Scales) -> np.ndarray:

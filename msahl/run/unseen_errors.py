@@ -10,6 +10,7 @@ import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
 from msahl.events.expressions import BETWEEN, MET, PARABOLA
+from msahl.events.margins import ENDS_AT_KINKS
 from msahl.model import Model
 from msahl.model.motions import JointMotion
 from msahl.ports import forces
@@ -23,6 +24,12 @@ UNRESOLVED, OFTEN = 0.3, 0.25
 """A step does not resolve a motion that deviates from the parabola by this fraction of its change
 within the step. This must be so in this fraction of all steps: one step alone may hold a jump of
 the velocity."""
+BEYOND = 8.0
+"""Widths that a rate has to pass within a step for what friction, tanh(rate/width), lacks beyond
+the first one to be missed: 4e-7 is left there."""
+REST = 0.18
+"""Part of what it lacks, the integral of 1 - tanh, that is beyond the first width: ln(1 + e^-2) of
+ln 2."""
 
 
 def unseen_motion(model: Model, length: float) -> float:
@@ -49,13 +56,17 @@ def unseen_motion(model: Model, length: float) -> float:
     return worst
 
 
-def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: float) -> float:
+def unresolved_friction(
+    integrator: SubsystemIntegrator, order: int, h: float, t_final: float
+) -> float:
     """Position error [m] where friction can change a rate by more than its regularisation width in
-    one step ``h`` [s], in a run until ``t_final`` [s].
+    one step ``h`` [s] of a scheme of this ``order``, in a run until ``t_final`` [s].
 
     While a rate passes through the width, friction is below its limit. If that happens within one
-    step, both runs miss it.
+    step, both runs miss it. Steps of higher order end at the width, and miss the rest beyond it.
     """
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
-    passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, h)
-    return passed * t_final
+    ends = order >= ENDS_AT_KINKS
+    step = h / BEYOND if ends else h
+    passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, step)
+    return (REST if ends else 1.0) * passed * t_final

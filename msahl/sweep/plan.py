@@ -151,6 +151,11 @@ def _bounded(count: int) -> int:
 def read_plan(path: Path) -> Plan:
     """Return the plan in a CSV file, whose rows are read one by one; raises ``PlanError`` with the
     faults of all rows."""
+    if path.exists() and not path.is_file():
+        raise PlanError(
+            f"{shown_path(path)}: {_kind(path)}; a plan is read again whenever the sweep goes on, "
+            "so save it in a file"
+        )
     try:
         with _open(path) as file:
             lines = csv.reader(file, strict=True)
@@ -180,6 +185,12 @@ def read_plan(path: Path) -> Plan:
                     yield tuple(cells[k].strip() for k in kept)
 
     return Plan(columns, _bounded(count), rows, (f"points of {shown_path(path)}",))
+
+
+def _kind(path: Path) -> str:
+    if path.is_dir():
+        return "a folder"
+    return "a pipe" if path.is_fifo() else "a device"
 
 
 def _open(path: Path) -> TextIO:

@@ -15,6 +15,7 @@ from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.reactions import Reactions
+from msahl.elements.signals.coupling import coupling
 from msahl.elements.signals.group import Signals
 from msahl.expressions.tape import build_tape
 from msahl.formulations.absolute.frames import Frames
@@ -271,6 +272,7 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
         result=result,
         shown=shown,
         stop=stop,
+        coupling=coupling(tape, rate, result),
     )
 
 

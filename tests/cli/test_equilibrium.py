@@ -54,6 +54,7 @@ def test_tables_of_a_pendulum_that_hangs_and_stands(tmp_path):
     result = call("equilibrium", deck, "--starts", 6, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
     assert "2 equilibria" in result.output
+    assert result.output.count("residual 0 N to round-off") == 2
     assert "stable" in result.output
     assert "unstable" in result.output
     rows = np.genfromtxt(tmp_path / "out/states.csv", delimiter=",", names=True)

@@ -2,6 +2,7 @@
 remedy, and nothing of Python."""
 
 import os
+import subprocess
 
 import pytest
 from click.testing import CliRunner
@@ -98,6 +99,43 @@ def test_tables_that_are_none(name, tmp_path, monkeypatch):
 @pytest.mark.skipif(os.name != "posix", reason="devices of Unix")
 def test_a_device_is_no_table():
     assert "a device" in refused(("inverse", FOUR_BAR, "--motion", "/dev/zero"), "/dev/zero")
+
+
+@pytest.fixture
+def endless(tmp_path):
+    """A pipe to which lines are written as long as somebody reads."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = subprocess.Popen(("sh", "-c", f"exec yes 1,2 > '{pipe}'"), stderr=subprocess.DEVNULL)
+    yield pipe
+    writer.kill()
+    writer.wait()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
+@pytest.mark.parametrize(
+    ("words", "limit", "expected"),
+    [
+        (("check",), "msahl.deck.parse.MAX_BYTES", "larger than 1 MiB"),
+        (("inverse", FOUR_BAR, "--motion"), "msahl.analysis.inverse.table.MOST_BYTES", "1 MiB"),
+        (("sweep", FOUR_BAR, "--plan"), None, "a pipe; a plan is read again"),
+    ],
+)
+def test_a_pipe_without_end_is_read_up_to_a_limit(words, limit, expected, endless, monkeypatch):
+    if limit is not None:
+        monkeypatch.setattr(limit, 2**20)
+    assert expected in refused((*words, endless), endless.name)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
+def test_a_table_may_come_from_a_pipe():
+    """As from a shell's <(...): its lines are judged as those of a file, also with ends \\r\\n."""
+    end, begin = os.pipe()
+    os.write(begin, b"time,nothing\r\n0,1\r\n")
+    os.close(begin)
+    said = refused(("inverse", FOUR_BAR, "--motion", f"/dev/fd/{end}"), f"/dev/fd/{end}")
+    os.close(end)
+    assert "no coordinate 'nothing'" in said
 
 
 PENDULUM = ROOT / "decks" / "basics" / "pendulum_by_angle.xml"

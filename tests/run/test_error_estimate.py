@@ -1,10 +1,12 @@
 """The estimate of the global error, held against closed forms and far more accurate runs."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.integrate import solve_ivp
 
 from msahl.algebra.rotation_arrays import angles
 from msahl.algebra.vector import ZERO
@@ -208,6 +210,26 @@ def test_friction_that_is_not_resolved_is_an_error(tmp_path):
     assert call(tmp_path, path_of("friction_slide"), "--dt", "0.025").exit_code == 0
     fine = simulate(deck("friction_slide"), dt=1e-4, t_final=0.2)
     assert fine.report.error["position"] < 4.3e-4
+
+
+@pytest.mark.parametrize(("scheme", "dt"), [("gauss2", 0.01), ("gauss3", 0.002), ("radau2", 0.01)])
+def test_friction_that_steps_end_at_is_not_unseen(scheme, dt):
+    """Schemes of higher order end steps at the width of friction: what both runs miss is beyond
+    it, and nothing where steps resolve it (1e-4 m for 3e-8 in 0.2 s before).
+    """
+    run = simulate(deck("friction_slide"), dt, 0.05, scheme, solver="newton")
+    along, press = 0.5 * 9.81, 0.2 * math.sqrt(0.75) * 9.81
+    exact = solve_ivp(
+        lambda t, y: (y[1], along - press * math.tanh(y[1] / 1e-3)),
+        (0.0, 0.05),
+        (0.0, 0.0),
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-16,
+        max_step=1e-4,
+    ).y[0, -1]
+    true = abs(np.linalg.norm(run.states[-1, 1:4]) - exact)
+    assert NEAR[0] <= run.report.error["position"] / true <= NEAR[1]
 
 
 @pytest.mark.parametrize("scheme", ["preserving", "radau1"])

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from msahl.algebra.vector import ZERO
+from msahl.elements.signals.group import MIDPOINT, new_stages
 from msahl.expressions.syntax import parse
+from msahl.jit.storage import arrays_in
 from msahl.model import Joint, JointActuator, Limits, Signal, SignalState
-from msahl.run.signal_errors import STATE
+from msahl.run.signal_errors import LISTED, STATE, with_largest
 from msahl.run.tables import error_columns
 from msahl.run.verdict import PASS, WARN, judge
+from msahl.system.build import build_system
 from tests.physics.test_actuators import motor, motor_exactly
 from tests.run.test_verdict import GOOD
 from tests.support.loops import bennett
@@ -156,3 +159,41 @@ def test_a_state_that_misses_a_tolerance_says_relative_to_what():
     verdict = judge(replace(figures, tolerance=1e-3), Limits()).as_json()
     assert verdict["checks"]["signals"]["word"] == WARN
     assert "the tolerance of 0.001 m means 0.001 for states" in verdict["checks"]["signals"]["text"]
+
+
+def test_the_largest_errors_are_listed_and_the_others_counted():
+    columns = {
+        f"s{i}": {"error": 1.0 + i % 7, "largest": 10.0, "share": (i % 7) / 10, "state": False}
+        for i in range(50)
+    }
+    shown = with_largest(columns)
+    assert (len(shown["signals"]), shown["otherSignals"]) == (LISTED, 50 - LISTED)
+    shares = sorted((column["share"] for column in columns.values()), reverse=True)
+    assert sorted((c["share"] for c in shown["signals"].values()), reverse=True) == shares[:LISTED]
+    few = dict(list(columns.items())[:3])
+    assert with_largest(few) == {"signals": few}
+    assert with_largest({}) == {}
+
+
+def test_a_run_lists_the_largest_errors_of_many_signals():
+    """The table of errors has all columns."""
+    shown = tuple(Signal(f"s{i}", parse(f"a*{i}")) for i in range(30))
+    run = simulate(on_a_rail((SignalState("a", parse("-a"), 1.0),), shown=shown), 0.1, 0.3)
+    assert len(run.report.error["signals"]) == LISTED
+    assert run.report.error["otherSignals"] == len(run.errors[0]) - 3 - LISTED
+
+
+def test_the_work_of_a_step_grows_with_the_states_and_not_with_their_square():
+    """A hundred states that each depend on their neighbours, and one more hundred."""
+    sizes = []
+    for n in (100, 200):
+        names = ["Rail.slide", *(f"x{k}" for k in range(n)), "0"]
+        states = tuple(
+            SignalState(f"x{k}", parse(f"9*({names[k]} - 2*x{k} + {names[k + 2]}) - x{k}^3"))
+            for k in range(n)
+        )
+        system = build_system(on_a_rail(states, load=f"x{n - 1}"))
+        stages = new_stages(system.forces.signals, MIDPOINT)
+        operations = system.forces.signals.coupling.operations.items.size
+        sizes.append(operations + sum(array.size for array in arrays_in(stages)))
+    assert sizes[1] < 2.1 * sizes[0]

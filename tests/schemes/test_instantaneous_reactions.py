@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.model import INSTANTANEOUS
 from msahl.post.cli import main as post
 from msahl.run.subsystem import SubsystemIntegrator
@@ -115,3 +116,32 @@ def test_friction_presses_by_the_reaction_that_it_makes(name):
     accelerations.accelerate(workspace.system, state, workspace.start, instant)
     assert np.abs(once).max() > 0.0
     assert np.abs(state.reaction - once).max() <= 1e-13 * np.abs(once).max()
+
+
+@pytest.mark.parametrize(("name", "full"), [("bricard", False), ("four_bar", True)])
+def test_reactions_of_redundant_joints_are_the_least_to_round_off(name, full):
+    """The relaxation of 1e-9 by which they are solved leaves nothing, nor do multipliers that are
+    undetermined: against the eigenvectors of S = G M^-1 G^T, without those of its zeros.
+    """
+    model = deck(name)
+    integrator = SubsystemIntegrator(model, "newton", full, 8)
+    schedule = OutputSchedule.at_ends(np.zeros(5, dtype=bool))
+    integrator.advance(Chunk(5, h=model.simulation.dt, schedule=schedule))
+    workspace = integrator.workspace
+    instant = new_instant(workspace.system)
+    accelerations.accelerate(workspace.system, workspace.state, workspace.start, instant)
+    free = instant.unknowns.free
+    held = free >= 3 * first_multiplier(workspace.system.frames)
+    A = np.zeros(free.size**2)
+    A[instant.unknowns.dense_to] = instant.values[instant.unknowns.dense_from]
+    A = A.reshape(free.size, free.size)
+    G = A[np.ix_(held, ~held)] @ np.linalg.inv(A[np.ix_(~held, ~held)])
+    values, vectors = np.linalg.eig(-G @ A[np.ix_(~held, held)])
+    assert workspace.system.relaxation > 0.0
+    assert (np.abs(values) < 1e-12).any()
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=np.abs(values) > 1e-9)
+    rows, found = (part.reshape(-1)[free] for part in (instant.rows, instant.solution))
+    along = np.linalg.solve(vectors, rows[held] - G @ rows[~held])
+    least = (vectors @ (inverse * along)).real
+    # The digits that eigenvectors have. With the relaxation it is 1e-6.
+    assert np.abs(found[held] - least).max() <= 1e-11 * np.abs(least).max()

@@ -28,6 +28,7 @@ from msahl.analysis.equilibria.moved import moved_model
 from msahl.analysis.equilibria.search import find
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close
+from msahl.analysis.linearised.steady import residual_in_words
 from msahl.deck import Source, deck_digest
 from msahl.deck.write_model import write_deck
 from msahl.model import Model
@@ -120,7 +121,7 @@ def in_words(start: Mapping[str, Any]) -> str:
     return (
         f"starts at an equilibrium, up to {start['moved']:.3g} m from where the deck has the "
         "bodies: "
-        f"{start['stability']}; residual {start['residual']:.2g} N"
+        f"{start['stability']}; residual {residual_in_words(start['residual'], start['relative'])}"
         + "".join(f"; {part}" for part in more)
     )
 

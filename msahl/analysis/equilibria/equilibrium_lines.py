@@ -11,6 +11,7 @@ from msahl.analysis.equilibria.equilibrium import Solution, size_of
 from msahl.analysis.equilibria.stability import stability
 from msahl.analysis.equilibria.tables import state_row
 from msahl.analysis.linearised.point import Point
+from msahl.analysis.linearised.steady import residual_in_words
 from msahl.analysis.modes.mode_lines import counted
 
 ROUND_OFF = 1e-12
@@ -35,7 +36,7 @@ def lines(start: Point, found: list[Solution], in_space: Sequence[str] = ()) -> 
         shown += [
             "",
             head,
-            f"  residual {balance.residual:.3g} N ({balance.relative:.1e} of the largest force), "
+            f"  residual {residual_in_words(balance.residual, balance.relative)}, "
             f"{counted(solution.iterations, 'iteration')} of {solution.method}"
             + (f"; {counted(flat, 'direction')} without stiffness" if flat else ""),
             *_places(start, point),

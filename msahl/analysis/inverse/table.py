@@ -6,6 +6,7 @@ written, ``accelerations.csv``. Rates and accelerations of a coordinate are used
 them. Orientations become quaternions of one sign, which are smooth functions of time.
 """
 
+import io
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -36,6 +37,8 @@ from msahl.system.names import (
 
 LEAST_ROWS = 8
 """Rows of the shortest table: splines of degree 5 need six, and their error estimate more."""
+MOST_BYTES = 2**30
+"""Of a table: some ten million rows of six columns."""
 TIME = "time"
 
 
@@ -170,7 +173,13 @@ def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
     if path.is_char_device():
         raise InverseError(f"{shown}: a device, not a table; give the path of a CSV file")
     try:
-        head, _, rows = path.read_text(encoding="utf-8-sig").partition("\n")
+        with path.open("rb") as file:  # which may be a pipe without end
+            data = file.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            most = f"{MOST_BYTES // 2**20} MiB, the largest table accepted"
+            raise InverseError(f"{shown}: larger than {most}; give fewer rows or columns")
+        text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig").read()
+        head, _, rows = text.partition("\n")
     except OSError as error:
         raise InverseError(f"{shown}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:

@@ -25,6 +25,8 @@ from msahl.system.arrays import State, node_count
 
 STEADY = 1e-8
 """Residual over the forces, and change of coefficients over their size, that is round-off."""
+ROUND_OFF = 1e-14
+"""Residual over the largest force that is nothing but rounding errors of the forces' sums."""
 SMALL_TRAVEL = 1e-6
 """Displacement, over a length of a body, whose force counts where forces at one body cancel each
 other."""
@@ -50,6 +52,13 @@ class Equilibrium(NamedTuple):
     def holds(self) -> bool:
         """Whether the motion is an equilibrium or a steady motion."""
         return self.relative <= STEADY and self.constant
+
+
+def residual_in_words(residual: float, relative: float) -> str:
+    """Return a ``residual`` [N] and its size beside the largest force; 0 where it is round-off."""
+    if relative <= ROUND_OFF:
+        return "0 N to round-off of the largest force"
+    return f"{residual:.3g} N ({relative:.1e} of the largest force)"
 
 
 def equilibrium(point: Point, found: Coefficients) -> Equilibrium:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from msahl.analysis.linearised.point import Point
-from msahl.analysis.linearised.steady import Equilibrium
+from msahl.analysis.linearised.steady import Equilibrium, residual_in_words
 from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes
 from msahl.model import SignalState
 
@@ -58,8 +58,8 @@ def title_line(title: str, time: float, state: Equilibrium) -> str:
     kind = "equilibrium" if state.at_rest else "steady motion"
     kind = kind if state.holds else "no equilibrium"
     return (
-        f"{title or 'model'} at t = {time:.9g} s: {kind}, residual {state.residual:.3g} N "
-        f"({state.relative:.1e} of the largest force)"
+        f"{title or 'model'} at t = {time:.9g} s: {kind}, "
+        f"residual {residual_in_words(state.residual, state.relative)}"
     )
 
 

@@ -20,11 +20,13 @@ from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import with_reactions
 from msahl.analysis.modes.eigenvalues import eigenvalues
 from msahl.analysis.modes.sparse_eigenvalues import (
+    MOST_RIGID,
     NotFoundError,
     Pencil,
     is_worthwhile,
     nearest,
     pencil,
+    without_stiffness,
 )
 from msahl.analysis.modes.zero_eigenvalues import MOST as MOST_ZEROS
 from msahl.model import SignalState
@@ -97,6 +99,8 @@ def modes(
         if large and not frequency:
             _require_few_zeros(found)
         matrices = pencil(found, state.axes)
+        if large and not frequency:
+            _require_stiffness(matrices)
         if is_worthwhile(matrices, number or FEW):
             try:
                 return _sparse(point, found, state, matrices, (number or FEW, frequency))
@@ -127,11 +131,25 @@ def _require_few_zeros(found: Coefficients) -> None:
     stiff = np.unique(found.by_place.tocoo().row).size
     zeros = found.coordinate.size - stiff - found.constraint.shape[0]
     if zeros > MOST_ZEROS:
-        raise StartError(
-            f"at least {zeros} rigid-body modes: nothing holds these displacements and rotations, "
-            "and eigenvalues beside so many zeros cannot be found; hold the bodies by joints or "
-            "springs, or ask for modes near a frequency (--near)"
-        )
+        raise _too_many(zeros)
+
+
+def _require_stiffness(of: Pencil) -> None:
+    """Raise ``StartError`` if the stiffness has so many directions without any, as those across
+    single springs, that there are too many zeros: counted by one factorisation, where eigenvectors
+    would be sought for minutes.
+    """
+    zeros = without_stiffness(of) - of.independent
+    if zeros > (MOST_ZEROS if of.stiffness is None else MOST_RIGID):
+        raise _too_many(zeros)
+
+
+def _too_many(zeros: int) -> StartError:
+    return StartError(
+        f"at least {zeros} rigid-body modes: nothing holds these displacements and rotations, "
+        "and eigenvalues beside so many zeros cannot be found; hold the bodies by joints or "
+        "springs, or ask for modes near a frequency (--near)"
+    )
 
 
 def coordinate_count(point: Point) -> int:

@@ -39,6 +39,9 @@ LEAST = 4
 """Degrees of freedom for each eigenvalue that is wanted from which this method is used."""
 SAME = 1e-6
 """Distance, relative to their size, of right and left eigenvalues that are one."""
+NO_STIFFNESS = 1e-13
+"""Eigenvalue of a stiffness matrix, relative to its largest entry, that is round-off; that of the
+factors is smaller by a thousand."""
 SYMMETRIC = 1e-13
 """Asymmetry of a stiffness matrix, relative to its largest entry, that is round-off."""
 ZERO = 1e-12
@@ -80,6 +83,34 @@ def is_worthwhile(of: Pencil, number: int) -> bool:
     """Return whether there are many more eigenvalues than are wanted, as Arnoldi's method needs."""
     between_rates = int(np.count_nonzero(of.E)) - of.coordinates - of.independent
     return between_rates > LEAST * (number + EXTRA)
+
+
+def without_stiffness(of: Pencil) -> int:
+    """Return the number of directions in which the stiffness is round-off: by Sylvester's law of
+    inertia the eigenvalues between two shifts are as many as pivots change their signs.
+    """
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
+    n = of.coordinates
+    K = of.A[n : 2 * n, :n]
+    tiny = NO_STIFFNESS * (float(abs(K).max()) if K.nnz else 0.0)
+    if not tiny:
+        return n
+    positive = []
+    for shift in (tiny, -tiny):
+        shifted = (0.5 * (K + K.T) + shift * eye_array(n)).tocsc()
+        try:
+            factors = splu(
+                shifted,
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError:
+            return 0  # not known
+        positive.append(int(np.count_nonzero(factors.U.diagonal() > 0.0)))
+    return positive[0] - positive[1]
 
 
 class Found(NamedTuple):

@@ -6,8 +6,10 @@ import numpy as np
 
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.constraints.scalar import ScalarConstraints
+from msahl.elements.signals.coupling import Coupling
 from msahl.expressions.tape import Tape, Values, new_values
 from msahl.jit.kernel import optional
+from msahl.linalg.row_lu import Factors, new_factors
 
 TIME, COORDINATE, RATE, POSITION, VELOCITY, QUATERNION, SPIN, REACTION = range(8)
 
@@ -34,6 +36,7 @@ class Signals(NamedTuple):
     result: np.ndarray  # (r,) likewise of the results
     shown: np.ndarray  # (k,) likewise of the published values
     stop: np.ndarray  # (m,) likewise of the margins of conditions that end the run
+    coupling: Coupling
     first_entry: np.ndarray  # (r + 1,)
     entry_input: np.ndarray  # (e,)
     entry_column: np.ndarray  # (e, 4) among the result's columns, of the input's parts; or -1
@@ -68,11 +71,9 @@ class Stages(NamedTuple):
     state: np.ndarray  # (s, n) S_i there
     stage: np.ndarray  # (m, n) at the Radau nodes, the last of which is the end
     rate: np.ndarray  # (m, n) f there
-    rate_by_input: np.ndarray  # (m, n, y)
-    rate_by_state: np.ndarray  # (m, n, n)
-    matrix: np.ndarray  # (m n, m n) 1 - h A f_s, and its factors
-    pivot: np.ndarray  # (m n,)
-    right: np.ndarray  # (m n,)
+    rate_slope: np.ndarray  # (m, i) derivatives of f by ``Coupling.inputs``
+    factors: Factors  # of 1 - h A f_s, with m x m blocks
+    weight: np.ndarray  # (m, n) derivatives of a result by f
     slope: np.ndarray  # (s, s, e) of the results at c_i by their entries at c_j
     by_place: np.ndarray  # (s, y, 4, 3) of the inputs, by the unknowns' values at the node
     by_rate: np.ndarray  # (s, y, 4, 3) and by their rates
@@ -145,11 +146,9 @@ def new_stages(group: Signals | None, nodes: StateNodes) -> Any:
         state=np.zeros((s, n)),
         stage=np.zeros((m, n)),
         rate=np.zeros((m, n)),
-        rate_by_input=np.zeros((m, n, y)),
-        rate_by_state=np.zeros((m, n, n)),
-        matrix=np.zeros((m * n, m * n)),
-        pivot=np.zeros(m * n, dtype=np.int64),
-        right=np.zeros(m * n),
+        rate_slope=np.zeros((m, group.coupling.inputs.items.size)),
+        factors=new_factors(group.coupling.plan, m),
+        weight=np.zeros((m, n)),
         slope=np.zeros((s, s, group.entry_input.size)),
         by_place=np.zeros((s, y, PARTS, 3)),
         by_rate=np.zeros((s, y, PARTS, 3)),

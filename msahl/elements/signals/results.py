@@ -9,7 +9,7 @@ from msahl.elements.constraints.coordinate_kinds import ROUND_OFF_FACTOR
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.signals import states
 from msahl.elements.signals.group import Signals, SignalsWorkspace
-from msahl.expressions.tape import by_input, gradient, set_input, sweep
+from msahl.expressions.tape import by_input, set_input, sweep
 from msahl.jit.kernel import apart, kernel, optional
 
 
@@ -45,7 +45,7 @@ def _set_results(group: Signals, start: SignalsWorkspace, over_step: bool) -> No
     for r in range(group.result.size):
         start.result[r] = start.values.value[group.result[r]]
         if not over_step:
-            gradient(group.tape, start.values, group.result[r])
+            states.differentiate_result(group, start, r)
         size = abs(start.result[r])
         for e in range(group.first_entry[r], group.first_entry[r + 1]):
             j = group.entry_input[e]

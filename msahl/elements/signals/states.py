@@ -4,13 +4,16 @@ import math
 
 import numpy as np
 
-from msahl.algebra import small_system
 from msahl.algebra.vector import at, put
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.signals.group import Signals, SignalsWorkspace, Stages
-from msahl.expressions.tape import by_input, gradient, set_input, sweep
+from msahl.expressions.tape import by_input, gradient_along, set_input, sweep
 from msahl.jit.kernel import kernel, optional
+from msahl.linalg import row_lu
 
+NOTHING = 1e-290
+"""Change of a state that does not count: near the smallest numbers there are, those of states far
+from anything that acts, rounding errors are not relative to a state."""
 MOST_ITERATIONS = 30
 """Of Newton's method for the states; linear equations take one, and one that changes nothing."""
 NO_CHANGE = 1e-15
@@ -57,8 +60,8 @@ def solve(
     while changed and left > 0:
         for j in range(nodes):
             _set_rates(group, start, stages, j)
-        _set_matrix(stages, n, h)
-        last, change = change, _improve(stages, begin, n, h)
+        _set_matrix(group, stages, h)
+        last, change = change, _improve(group, stages, begin, h)
         changed, left = _is_change(change, last), left - 1
     if changed:
         for j in range(nodes):
@@ -94,11 +97,24 @@ def _set_rates(group: Signals, start: SignalsWorkspace, stages: Stages, j: int) 
     sweep(group.tape, start.values)
     for k in range(n):
         stages.rate[j, k] = start.values.value[group.rate[k]]
-        gradient(group.tape, start.values, group.rate[k])
-        for i in range(first):
-            stages.rate_by_input[j, k, i] = by_input(group.tape, start.values, i)
-        for m in range(n):
-            stages.rate_by_state[j, k, m] = by_input(group.tape, start.values, first + m)
+        _differentiate(group, start, k, group.rate[k])
+        own = group.coupling.inputs
+        for e in range(own.first[k], own.first[k + 1]):
+            stages.rate_slope[j, e] = by_input(group.tape, start.values, own.items[e])
+
+
+@kernel
+def differentiate_result(group: Signals, start: SignalsWorkspace, r: int) -> None:
+    """Set the adjoints of the tape's inputs to the derivatives of a result."""
+    _differentiate(group, start, group.rate.size + r, group.result[r])
+
+
+@kernel
+def _differentiate(group: Signals, start: SignalsWorkspace, number: int, place: int) -> None:
+    """Set the adjoints to the derivatives of a rate or a result, by its ``number`` and place."""
+    own = group.coupling.operations
+    first, last = own.first[number], own.first[number + 1]
+    gradient_along(group.tape, start.values, place, own.items, first, last)
 
 
 @kernel
@@ -122,46 +138,63 @@ def _load_node(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) 
 
 
 @kernel
-def _set_matrix(stages: Stages, n: int, h: float) -> None:
+def _set_matrix(group: Signals, stages: Stages, h: float) -> None:
     """Set the factors of 1 - h A f_s."""
-    nodes = stages.stage.shape[0]
-    for i in range(nodes):
-        for k in range(n):
-            for j in range(nodes):
-                for m in range(n):
-                    unit = 1.0 if i == j and k == m else 0.0
-                    slope = h * stages.nodes.integral[i, j] * stages.rate_by_state[j, k, m]
-                    stages.matrix[n * i + k, n * j + m] = unit - slope
-    small_system.factor(stages.matrix, stages.pivot)
+    plan, own, inputs = group.coupling.plan, stages.factors, group.coupling.inputs
+    m, first = stages.stage.shape[0], group.kind.size
+    for place in range(plan.order.size):
+        row_lu.clear_row(plan, own, place)
+        for i in range(m):
+            own.row[place, i, i] = 1.0
+        k = plan.order[place]
+        for e in range(inputs.first[k], inputs.first[k + 1]):
+            if inputs.items[e] >= first:
+                column = plan.position[inputs.items[e] - first]
+                for i in range(m):
+                    for j in range(m):
+                        slope = h * stages.nodes.integral[i, j] * stages.rate_slope[j, e]
+                        own.row[column, i, j] -= slope
+        row_lu.eliminate_row(plan, own, place)
 
 
 @kernel
-def _improve(stages: Stages, begin: np.ndarray, n: int, h: float) -> float:
+def _improve(group: Signals, stages: Stages, begin: np.ndarray, h: float) -> float:
     """Take one step of Newton's method for the states; return the largest change, relative to the
     terms of its equation.
     """
-    nodes, y, largest = stages.stage.shape[0], stages.begin.size, 0.0
-    for i in range(nodes):
-        for k in range(n):
+    plan, right, largest = group.coupling.plan, stages.factors.right, 0.0
+    nodes, n = stages.stage.shape
+    for k in range(n):
+        for i in range(nodes):
             change = 0.0
             for j in range(nodes):
                 change += h * stages.nodes.integral[i, j] * stages.rate[j, k]
-            stages.right[n * i + k] = stages.stage[i, k] - begin[k] - change
-    small_system.solve(stages.matrix, stages.pivot, stages.right)
-    for i in range(nodes):
-        for k in range(n):
-            # The terms of a rate may be large and cancel each other, as voltages of a motor do.
-            size = abs(begin[k])
+            right[plan.position[k], i] = stages.stage[i, k] - begin[k] - change
+    row_lu.solve(plan, stages.factors)
+    for k in range(n):
+        for j in range(nodes):
+            stages.weight[j, k] = _rate_terms(group, stages, j, k)
+        for i in range(nodes):
+            size, step = abs(begin[k]), right[plan.position[k], i]
             for j in range(nodes):
-                terms = abs(stages.rate[j, k])
-                for m in range(y):
-                    terms += abs(stages.rate_by_input[j, k, m] * node_input(stages, j, m))
-                size += abs(h * stages.nodes.integral[i, j]) * terms
-            stages.stage[i, k] -= stages.right[n * i + k]
-            change = abs(stages.right[n * i + k])
-            if change > 0.0:
-                largest = max(largest, change / size if size > 0.0 else math.inf)
+                size += abs(h * stages.nodes.integral[i, j]) * stages.weight[j, k]
+            stages.stage[i, k] -= step
+            if abs(step) > NOTHING:
+                largest = max(largest, abs(step) / size if size > 0.0 else math.inf)
     return largest
+
+
+@kernel
+def _rate_terms(group: Signals, stages: Stages, j: int, k: int) -> float:
+    """Return the size of what the rate of state k consists of at the Radau node ``j``: its terms
+    may be large and cancel each other, as voltages of a motor do.
+    """
+    terms, inputs, first = abs(stages.rate[j, k]), group.coupling.inputs, group.kind.size
+    for e in range(inputs.first[k], inputs.first[k + 1]):
+        y = inputs.items[e]
+        value = node_input(stages, j, y) if y < first else stages.stage[j, y - first]
+        terms += abs(stages.rate_slope[j, e] * value)
+    return terms
 
 
 @kernel
@@ -177,38 +210,51 @@ def _is_change(change: float, last: float) -> bool:
 @optional()
 def set_slopes(group: Signals, start: SignalsWorkspace, stages: Stages, h: float) -> None:
     """Set the derivatives of the results at every c_i by the inputs at all c_j, after ``solve``."""
-    n, nodes, s = group.rate.size, stages.stage.shape[0], stages.state.shape[0]
+    s = stages.state.shape[0]
     for i in range(s):
         _load_node(group, start, stages, i)
         for r in range(group.result.size):
-            gradient(group.tape, start.values, group.result[r])
-            for j in range(nodes):
-                for k in range(n):
-                    slope = by_input(group.tape, start.values, group.kind.size + k)
-                    stages.right[n * j + k] = stages.nodes.mean[i, j] * slope
-            small_system.solve_transposed(stages.matrix, stages.pivot, stages.right)
+            differentiate_result(group, start, r)
+            _set_weights(group, start, stages, i, h)
             for e in range(group.first_entry[r], group.first_entry[r + 1]):
                 own = by_input(group.tape, start.values, group.entry_input[e])
                 for m in range(s):
                     stages.slope[i, m, e] = own if m == i else 0.0
-                _add_by_states(stages, group.entry_input[e], (i, e), h)
+                _add_by_states(group, stages, (i, e))
 
 
 @kernel
-def _add_by_states(stages: Stages, y: int, place: tuple[int, int], h: float) -> None:
-    """Add to the slope of a result at c_i in entry e, the ``place`` (i, e), what depends on the
-    input ``y`` by way of the states.
-    """
-    i, e = place
-    (nodes, n), s = stages.stage.shape, stages.state.shape[0]
-    for j in range(nodes):
-        slope = 0.0
-        for k in range(n):
+def _set_weights(group: Signals, start: SignalsWorkspace, stages: Stages, i: int, h: float) -> None:
+    """Set the derivatives of a result at c_i, by way of the states, by the rates at all nodes."""
+    plan, right = group.coupling.plan, stages.factors.right
+    nodes, n = stages.stage.shape
+    for k in range(n):
+        slope = by_input(group.tape, start.values, group.kind.size + k)
+        for j in range(nodes):
+            right[plan.position[k], j] = stages.nodes.mean[i, j] * slope
+    row_lu.solve_transposed(plan, stages.factors)
+    for k in range(n):
+        for j in range(nodes):
             weight = 0.0
             for other in range(nodes):
-                weight += stages.nodes.integral[other, j] * stages.right[n * other + k]
-            slope += h * weight * stages.rate_by_input[j, k, y]
-        for m in range(s):
+                weight += stages.nodes.integral[other, j] * right[plan.position[k], other]
+            stages.weight[j, k] = h * weight
+
+
+@kernel
+def _add_by_states(group: Signals, stages: Stages, place: tuple[int, int]) -> None:
+    """Add to the slope of a result at c_i in entry e, the ``place`` (i, e), what depends on its
+    input by way of the states.
+    """
+    i, e = place
+    users, y = group.coupling.users, group.entry_input[e]
+    for j in range(stages.stage.shape[0]):
+        slope = 0.0
+        for u in range(users.first[y], users.first[y + 1]):
+            slope += (
+                stages.weight[j, users.items[u]] * stages.rate_slope[j, group.coupling.entry[u]]
+            )
+        for m in range(stages.state.shape[0]):
             stages.slope[i, m, e] += stages.nodes.spread[j, 1 + m] * slope
 
 

@@ -10,8 +10,9 @@ from msahl.algebra.vector import ZERO
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import at_start, at_time
 from msahl.analysis.modes.solution import DENSE, SPARSE, modes
-from msahl.analysis.modes.sparse_eigenvalues import pencil
+from msahl.analysis.modes.sparse_eigenvalues import pencil, without_stiffness
 from msahl.model import Joint, SpringDamper
+from msahl.start.velocities import StartError
 from tests.analysis.modes.test_modes import (
     chain_frequencies,
     free_bodies_at_rest,
@@ -98,11 +99,10 @@ def test_redundant_equations_are_removed_from_sparse_matrices():
     assert np.abs(found[1].value.imag - exact).max() <= 1e-12
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.1, 3.0])
-def test_zeros_of_a_large_model_are_counted(damping):
-    # Twelve bodies on springs between neighbours in a row, which nothing holds.
+def row_of_bodies(count, each, damping):
+    """Bodies on ``each`` springs between neighbours in a row, which nothing holds."""
     rng = np.random.default_rng(5)
-    bodies = [replace(free_bodies_at_rest().bodies[0], name=f"B{k}") for k in range(12)]
+    bodies = [replace(free_bodies_at_rest().bodies[0], name=f"B{k}") for k in range(count)]
     springs = [
         SpringDamper(
             name=f"S{k}{i}",
@@ -114,10 +114,25 @@ def test_zeros_of_a_large_model_are_counted(damping):
             damping=damping,
             free_length=None,
         )
-        for k in range(11)
-        for i in range(7)
+        for k in range(count - 1)
+        for i in range(each)
     ]
-    point = at_start(build_model(bodies, loads=springs))
+    return at_start(build_model(bodies, loads=springs))
+
+
+@pytest.mark.parametrize("damping", [0.0, 3.0])
+def test_directions_across_single_springs_are_refused_by_one_factorisation(damping, monkeypatch):
+    """A hundred bodies on one spring each to the next, in general directions."""
+    name = "msahl.analysis.modes.solution.nearest"
+    monkeypatch.setattr(name, lambda *_: pytest.fail("eigenvectors were sought"))
+    with pytest.raises(StartError, match="at least 506 rigid-body modes"):
+        modes(row_of_bodies(101, 1, damping))
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1, 3.0])
+def test_zeros_of_a_large_model_are_counted(damping):
+    point = row_of_bodies(12, 7, damping)
+    assert without_stiffness(pencil(coefficients(point.system, point.state), np.zeros(3))) == 6
     dense, sparse = agree(point, number=3)
     assert (sparse.zeros, sparse.rigid) == (dense.zeros, dense.rigid) == (12, 6)
     others = sparse.value[12:]
