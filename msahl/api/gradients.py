@@ -160,9 +160,9 @@ def texts_of(given: str | Sequence[str]) -> list[str]:
 
 
 _JUMPS = (
-    "by t = {:g} s an expression jumps at a time that the derivatives do not follow: within a step "
-    "that is not divided there, as where the motion slides, or by reactions of joints; derivatives "
-    "of what comes later are wrong. Give the jump a width, as with tanh(x/w)"
+    "by t = {:g} s the expression of {} jumps at a time that the derivatives do not follow: in a "
+    "step that is not divided there, as where the motion slides, or by reactions of joints; "
+    "derivatives of what comes later are wrong. Give the jump a width, as with tanh(x/w)"
 )
 
 
@@ -302,7 +302,7 @@ class _Work:
         """Add what the growth of the derivatives and the corrections left say."""
         found, t = fine[0], float(self.times[-1])
         if found.jumped < math.inf:
-            self.remarks.append(_JUMPS.format(found.jumped))
+            self.remarks.append(_JUMPS.format(found.jumped, found.jumping or "a signal"))
         for j, name in enumerate(self.request.numbers):
             if found.left[j] > SLACK:
                 self.remarks.append(

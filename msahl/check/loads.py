@@ -4,6 +4,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from msahl.algebra.functions import Law, build_laws, evaluate
 from msahl.algebra.vector import Vector
 from msahl.check.context import Context
 from msahl.check.ends import apart, arm, ends_findings, frame_findings, is_placed, points, tolerance
@@ -32,6 +35,10 @@ from msahl.model import (
 )
 from msahl.model.scheme import AUTO, COLLOCATION
 
+SAME_SPEED, AT_REST, NEAR = 1e-9, 1e-4, 1e-9
+"""Jump of a table's rate, relative to the largest, that is round-off of entries, and the slope at
+which a spline ends that is meant to be none: it follows samples of a smooth motion. Fraction of an
+interval within which the rate at its end is taken."""
 UNIT_LENGTH = 1e-9
 """Largest difference from one of the length of a unit vector."""
 
@@ -211,12 +218,7 @@ def speed_jumps(
     for index, motion in enumerate(motions):
         if motion.law.kind != "linear":
             continue
-        half = len(motion.law.numbers) // 2
-        x, y = motion.law.numbers[:half], motion.law.numbers[half:]
-        slopes = [(y[k + 1] - y[k]) / (x[k + 1] - x[k]) for k in range(half - 1)]
-        entries = zip(x, [0.0, *slopes], [*slopes, 0.0], strict=True)
-        jumps = [t for t, before, after in entries if before != after]
-        inside = [t for t in jumps if 0.0 < t < simulation.t_final]
+        inside = jumps_of_speed(motion.law, simulation.t_final)
         if inside:
             yield (
                 index,
@@ -224,6 +226,24 @@ def speed_jumps(
                 'which no step by a tolerance can follow: write interpolation="cubic" or a <ramp>, '
                 "or run it with steps of a given size by the scheme preserving or decaying",
             )
+
+
+def jumps_of_speed(law: Law, end: float) -> list[float]:
+    """Return the times before ``end`` [s] at which the rate of a table jumps: at the entries of a
+    linear one, and where a cubic one begins or ends with a slope, as it is constant outside.
+    """
+    if law.kind not in ("linear", "cubic"):
+        return []
+    half = len(law.numbers) // 2
+    x, y = np.array(law.numbers[:half]), np.array(law.numbers[half:])
+    slopes = np.diff(y) / np.diff(x)
+    before, after, same = [0.0, *slopes], [*slopes, 0.0], SAME_SPEED
+    if law.kind == "cubic":
+        laws, near = build_laws([law]), NEAR * np.diff(x)
+        first, last = (evaluate(laws, 0, t)[1] for t in (x[0] + near[0], x[-1] - near[-1]))
+        x, before, after, same = x[[0, -1]], [0.0, last], [first, 0.0], AT_REST
+    jumps = np.abs(np.subtract(after, before)) > same * np.abs(slopes).max()
+    return [float(t) for t in x[jumps & (x > 0.0) & (x < end)]]
 
 
 def repeated_motions(

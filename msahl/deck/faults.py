@@ -129,6 +129,10 @@ class Faults:
         steps = (element, *element.iterancestors()) if self.origins else ()
         return next((self.origins[e] for e in steps if e in self.origins), self.file)
 
+    def place_of(self, element: Element) -> str:
+        """Return file and line of an element."""
+        return f"{self._file_of(element)}:{line_of(element)}"
+
     def line_in_words(self, element: Element) -> str:
         """Return the line of an element, with its file if that is another one."""
         file = self._file_of(element)

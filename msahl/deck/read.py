@@ -191,7 +191,17 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         shapes=tuple(_read_shapes(sound["bodies"], reader)),
         beams=tuple(built.beam for built in beams if built.beam is not None),
         beam_shapes=tuple(built.shape for built in beams if built.shape is not None),
+        places=_places(root, faults),
     )
+
+
+def _places(root: Element, faults: Faults) -> dict[str, str]:
+    """Return file and line of what a run may have to say something of, by name."""
+    return {
+        text(_label(element)): faults.place_of(element)
+        for group in ("motions", "loads", "signals")
+        for element in root.iterfind(f"system/{group}/*")
+    }
 
 
 def _place_all(root: Element, bodies: list[Element], reader: Reader) -> "list[BuiltBeam]":

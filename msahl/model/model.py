@@ -4,7 +4,8 @@ Vectors are tuples, so two models compare with ``==``. Frames: I, the inertial a
 of every ground; B, a body's own axes at its reference point B.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from msahl.algebra.vector import Vector
 from msahl.model.beams import Beam
@@ -48,6 +49,8 @@ class Model:
     shapes: tuple[Shape, ...] = ()  # of bodies and grounds, for views
     beams: tuple[Beam, ...] = ()  # between bodies that are their nodes
     beam_shapes: tuple[BeamShape, ...] = ()  # of beams, for views
+    places: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    """File and line of motions, loads and signals by name, for messages; empty without a deck."""
 
     @property
     def actuators(self) -> tuple[Actuator, ...]:
@@ -67,3 +70,8 @@ class Model:
         """
         loads = (load for load in self.loads if isinstance(load, ConcentratedLoad))
         return tuple(load for load in loads if load.expression is not None)
+
+
+def in_deck(model: Model, name: str) -> str:
+    """Return where an element stands, in brackets for a message; "" if that is not known."""
+    return f" ({model.places[name]})" if name in model.places else ""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from msahl.model.settings import OFF
-from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides
+from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides, speeds_that_jump
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
@@ -129,6 +129,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         error=report.error,
         horizon=_horizon(setup),
         jumping=jumping_by_reactions(setup.integrators),
+        speed_jumps=speeds_that_jump(setup.model, report.time),
     )
 
 

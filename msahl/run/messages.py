@@ -5,7 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msahl.check.loads import jumps_of_speed
 from msahl.events.expressions import jumps_by_reactions
+from msahl.model import Model
+from msahl.model.model import in_deck
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.common.criteria import FAR
 from msahl.schemes.outcome import TOLERANCE, Outcome
@@ -103,6 +106,19 @@ def jumping_by_reactions(integrators: Sequence[SubsystemIntegrator]) -> list[str
         for name in names_of_users(one.model, one.workspace.system, switch)
     }
     return list(names)
+
+
+def speeds_that_jump(model: Model, end: float) -> list[str]:
+    """The prescribed motions whose speeds jump before ``end`` [s], with their place and when."""
+    found = []
+    for motion in model.motions:
+        times = jumps_of_speed(motion.law, end)
+        if times:
+            more = f" and {len(times) - 1} times more" if len(times) > 1 else ""
+            found.append(
+                f"'{motion.name}'{in_deck(model, motion.name)} at t = {times[0]:g} s{more}"
+            )
+    return found
 
 
 def describe_equation(integrator: SubsystemIntegrator, row: int) -> str:

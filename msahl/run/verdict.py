@@ -130,6 +130,7 @@ class Figures:
     error: dict[str, Any] | None  # as ``ErrorEstimate.as_json`` returns it
     horizon: Callable[[float], float] | None  # time [s] up to which the error is within so many m
     jumping: Sequence[str] = ()  # what has expressions that may jump by reactions
+    speed_jumps: Sequence[str] = ()  # motions whose speed jumps, and when
 
     @property
     def size(self) -> float:
@@ -363,6 +364,20 @@ def _jumps(figures: Figures, limits: Limits) -> Iterator[Finding]:
         yield Finding("jumps", WARN, text)
 
 
+def _speed_jumps(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    """A speed that jumps takes an impulse, whose force is what the step makes of it."""
+    if figures.speed_jumps:
+        more = len(figures.speed_jumps) - 3
+        text = (
+            f"the speed of a given motion jumps: {', '.join(figures.speed_jumps[:3])}"
+            f"{f', and {more} more motions' if more > 0 else ''}; its load and the reactions are "
+            "an impulse then, which a step spreads over its time and output times may miss: they "
+            'depend on the step size: do not use them there, or write interpolation="cubic", with '
+            "ends at rest, or a <ramp>"
+        )
+        yield Finding("speedJumps", WARN, text)
+
+
 def _initial_velocities(figures: Figures, limits: Limits) -> Iterator[Finding]:
     speed = max(figures.extreme("speedMax"), figures.velocity_change)
     if figures.velocity_change > CHANGED * speed:
@@ -569,6 +584,7 @@ CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
     _reactions,
     _initial_velocities,
     _jumps,
+    _speed_jumps,
 )
 """All checks, in the order in which they are reported."""
 

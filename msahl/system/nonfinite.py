@@ -13,6 +13,7 @@ from msahl.elements.constraints import scalar
 from msahl.expressions.known_times import users
 from msahl.expressions.tape import HELD
 from msahl.model import Model, Signal, SignalState
+from msahl.model.model import in_deck
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.evaluate import prepare
@@ -99,7 +100,9 @@ def find_undefined(model: Model, system: System, state: State, h: float) -> str 
 
 
 def names_of_users(model: Model, system: System, switch: int) -> list[str]:
-    """Return the names of the states and loads whose expressions depend on a switch."""
+    """Return the names of the states and loads whose expressions depend on a switch, with file and
+    line where they are known.
+    """
     group = system.forces.signals
     if group is None:
         return []
@@ -109,7 +112,7 @@ def names_of_users(model: Model, system: System, switch: int) -> list[str]:
         held = any(group.tape.op[i] == HELD and group.tape.c[i] == switch for i in used)
         if held and not name.startswith("signal") and name not in found:
             found.append(name)
-    return found
+    return [name + in_deck(model, name.split("'")[1]) for name in found]
 
 
 def _names_of_expressions(model: Model) -> list[str]:

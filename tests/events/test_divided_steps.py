@@ -9,15 +9,17 @@ import pytest
 import msahl.schemes.midpoint.stepper
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
+from msahl.deck import read_deck
 from msahl.events.margins import build_margins
 from msahl.model import Joint, JointMotion, Options
 from msahl.model.loads import JointSpring
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.verdict import WARN
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from tests.run.test_resume import advance as in_memory
 from tests.run.test_resume import bits, in_two_parts, same_run
-from tests.support.models import GROUND, body, build_model
+from tests.support.models import GROUND, ROOT, body, build_model
 from tests.support.models import simulate_and_estimate as simulate
 
 MASS, STIFFNESS, FREE = 2.0, 200.0, 0.3
@@ -129,6 +131,28 @@ def test_given_steps_carry_the_impulse_of_a_motion_whose_speed_jumps(scheme):
     # again for the corner within a step.
     late_by = RATE * end * (RATE * dt) ** 2 / 12.0
     assert off < min(2.0 * 0.12 * late_by, 3.0 * run.report.error["position"])
+    check = run.report.verdict["checks"]["speedJumps"]
+    assert check["word"] == WARN
+    assert "jumps: 'Motor' at t = 0.333 s; its load" in check["text"]
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "end", "jumps"),
+    [
+        ("cubic", 2.0, ""),  # it begins with a slope at t = 0, as the arm does
+        ("cubic", 2.1, "t = 2 s; "),  # and is constant afterwards
+        ("linear", 1.1, "t = 0.5 s and 1 times more; "),
+    ],
+)
+def test_the_verdict_says_where_in_the_deck_a_speed_jumps(tmp_path, interpolation, end, jumps):
+    source = (ROOT / "decks/forces/joint_motion_table.xml").read_text()
+    path = tmp_path / "given.xml"
+    path.write_text(source.replace('"cubic"', f'"{interpolation}"'))
+    run = simulate(read_deck(path), 0.05, end, "radau2", solver="newton")
+    check = run.report.verdict["checks"].get("speedJumps", {"text": ""})
+    line = 1 + source[: source.index("<jointMotion>")].count("\n")
+    assert (f"'Motor' ({path}:{line}) at {jumps}" in check["text"]) == bool(jumps)
+    assert bool(check["text"]) == bool(jumps)
 
 
 def advance(model, scheme, degree, steps):

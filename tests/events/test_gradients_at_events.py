@@ -105,6 +105,22 @@ def test_the_time_of_a_jump_moves_with_the_parameters(force, exact, scheme, want
     assert not found.remarks
 
 
+def test_a_jump_that_gradients_do_not_follow_is_named_with_its_line(tmp_path):
+    """By the reaction of a joint, which is that of the step before."""
+    rail = (
+        "<joints><prismatic><name>Rail</name><parent><name>Base</name><axis><x>1</x></axis></parent>"
+        "<child><name>Body</name></child></prismatic></joints>"
+    )
+    path = tmp_path / "pushed.xml"
+    names = "".join(f'<parameter name="{k}">{v}</parameter>' for k, v in GIVEN.items())
+    given = PUSHED.format(parameters=names, force="F1*sign(Rail.Fx + X)")
+    path.write_text(given.replace("<markers>", f"{rail}<markers>"))
+    found = msahl.load(path).gradient(["P.x final"], ["v"], error="off", t_final=0.1)
+    (remark,) = found.remarks
+    line = 1 + PUSHED[: PUSHED.index("<concentrated>")].count("\n")
+    assert f"the expression of load 'Push' ({path}:{line}) jumps" in remark
+
+
 def test_divided_steps_move_with_the_parameters(tmp_path):
     """A one-sided spring, by radau2 at steps of 20 ms: of the derivative by its place 3e-3 would be
     missing. The rest is what differences of runs have, of order 4 at 1e-4 of the parameter."""

@@ -24,6 +24,7 @@ from msahl.schemes.midpoint.tangent import Pair
 from msahl.schemes.outcome import Outcome
 from msahl.system import evaluate
 from msahl.system.arrays import Tables
+from msahl.system.nonfinite import names_of_users
 
 _take_step = compiled(midpoint_newton.take_step)
 _take_steps = compiled(collocation_newton.take_steps)
@@ -61,7 +62,9 @@ class TangentRun:
         self.switches = switches_of(self.workspace, settings.t_final)
         # End of the first step in which an expression jumps at a time that is not followed [s].
         by_reactions = jumps_by_reactions(self.workspace.system.forces.signals)
-        self.jumped = 0.0 if by_reactions else np.inf
+        self.jumped, self.jumping = np.inf, ""  # ... and what has this expression
+        self.model = part.model
+        self._note_jumps(by_reactions, 0.0)
         self.length = float(part.workspace.system.frames.length[:-1].max(initial=1e-300))
         places = places_in_state(part.workspace)
         shared = _shared(self.base, member, variations, free, places)
@@ -112,6 +115,13 @@ class TangentRun:
                 moved = self._move_end(reached, step, begin)
             self._clear_means()
 
+    def _note_jumps(self, switches: Sequence[int], time: float) -> None:
+        """Note that these ``switches`` jump by a ``time`` [s] and are not followed."""
+        if switches and time < self.jumped:
+            system = self.workspace.system
+            names = {n: None for k in switches for n in names_of_users(self.model, system, k)}
+            self.jumped, self.jumping = time, " and of ".join([*names][:3])
+
     def _clear_means(self) -> None:
         mean = slice(self.places[FIRST_MEAN], self.places[LAST_MEAN])
         self.base.state[mean] = 0.0
@@ -134,8 +144,8 @@ class TangentRun:
             found.hold(self.workspace, sides)
             self._take(step, h, 1.0, MAX_SUBDIVISIONS)
             reached, passed = found.reached(self.workspace, within, sides, step.near)
-            if found.jumps[passed].any():
-                self.jumped = min(self.jumped, float(self.workspace.state.time[0]))
+            jumps = found.number[passed[found.jumps[passed]]]
+            self._note_jumps(jumps.tolist(), float(self.workspace.state.time[0]))
         if not solved or passed.size:  # the motion slides, or the run did not divide its step
             self._return_to(state, step)
             self.slope[:] = slope

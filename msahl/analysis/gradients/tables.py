@@ -61,7 +61,7 @@ class TableGradients:
     change of a position, over the longest length of a frame, or of an orientation [rad]; ``left``
     (n,) the largest relative correction that was left in a step; ``not_unique`` the columns of
     reactions that redundant joints leave undetermined; ``jumped`` the time [s] until which the
-    derivatives follow the jumps of expressions.
+    derivatives follow the jumps of expressions, ``jumping`` what has the one that jumps then.
     """
 
     rows: dict[str, np.ndarray] = field(default_factory=dict)
@@ -71,6 +71,7 @@ class TableGradients:
     left: np.ndarray = field(default_factory=lambda: np.zeros(0))
     not_unique: frozenset[str] = frozenset()
     jumped: float = np.inf
+    jumping: str = ""
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,8 @@ class TangentModel:
         for part in parts:
             part.release(0.0)
         gradients = found.gradients(runs, free)
-        gradients.jumped = min(run.jumped for run in runs)
+        first = min(runs, key=lambda run: run.jumped)
+        gradients.jumped, gradients.jumping = first.jumped, first.jumping
         gradients.not_unique = frozenset(
             f"{joint}.{column}"
             for part in parts
