@@ -53,7 +53,7 @@ def _operands(tape: Tape) -> list[tuple[int, ...]]:
     found: list[tuple[int, ...]] = [()] * (constants + tape.inputs)
     columns = (column.tolist() for column in (tape.op, tape.a, tape.b, tape.c))
     for op, a, b, c in zip(*columns, strict=True):
-        places = (b, c) if op == WHERE else (a, b)
+        places: tuple[int, ...] = (b, c) if op == WHERE else (a, b)
         if op == HELD:
             places = ()
         elif op < FIRST_BINARY or op == CURVE:
