@@ -83,6 +83,11 @@ PENDULUM = {
         *((9.0, 0.0, 5.0, 0.0, 3.0, 0.0), (0.4, 0.0, 0.0, 0.0, 0.2, 0.0)),
         compliance=True,
     ),
+    "steer": ConcentratedLoad(
+        *("steer", "Bob", TIP, (2.0, 0.0, 1.0), GROUND.name),
+        *((0.0, 0.3, 0.0), GROUND.name),
+        expression=parse("0.5*cos(2*t) + 0.4*Pivot.angle"),
+    ),
     "motor": JointActuator(
         "motor", "Pivot", "angle", parse("2.5*sin(3*t) - 0.8*Pivot.angle - 0.2*Pivot.angleRate")
     ),
@@ -164,6 +169,10 @@ class Exact:
 
         moment = -(0.7 + 6.0 * (theta - START - 0.2) + 0.3 * rate)
         all_of_it["coil"] = (np.zeros(2), moment, -0.3 * rate**2)
+
+        factor = 0.5 * np.cos(2.0 * t) + 0.4 * (theta - START)
+        moment = factor * (self.at(theta, TIP)[1] @ np.array([2.0, 1.0]) + 0.3)
+        all_of_it["steer"] = (factor * np.array([2.0, 1.0]), moment, moment * rate)
 
         moment = 2.5 * np.sin(3.0 * t) - 0.8 * (theta - START) - 0.2 * rate
         all_of_it["motor"] = (np.zeros(2), moment, moment * rate)

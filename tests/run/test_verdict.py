@@ -89,6 +89,16 @@ def higher(**changes):
     return {"error": None, **with_extremes(localErrorMax=None, localErrorSum=None, **changes)}
 
 
+def at_rest(between=None):
+    """The extremes of a run in which nothing moves, with an error between steps [J]."""
+    return with_extremes(
+        largestKineticEnergy=0.0,
+        energyErrorMax=0.0,
+        energyErrorMaxRelative=None,
+        energyErrorBetweenSteps=between,
+    )
+
+
 def energy_off_by(error):
     return with_extremes(energyErrorMax=50.0 * error, energyErrorMaxRelative=error)
 
@@ -131,12 +141,10 @@ CASES = {
         "energy",
         PASS,
     ),
-    "at rest": (
-        with_extremes(largestKineticEnergy=0.0, energyErrorMax=0.0, energyErrorMaxRelative=None),
-        {},
-        "energy",
-        PASS,
-    ),
+    "at rest": (at_rest(), {}, "energy", PASS),
+    # Of energies of 100 J.
+    "at rest, with round-off between long steps": (at_rest(0.9e-7), {}, "energy", PASS),
+    "at rest, with other energies between steps": (at_rest(1.1e-7), {}, "energy", FAIL),
     "momentum lost": ({"momentum": (1e-3, None)}, {}, "linearMomentum", FAIL),
     "angular momentum hardly kept": ({"momentum": (None, 5e-9)}, {}, "angularMomentum", WARN),
     "a joint open": (with_extremes(constraintViolationMax=1e-6), {}, "constraintViolation", WARN),
