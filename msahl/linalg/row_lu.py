@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra import small_system
+from msahl.algebra.vector import copy
 from msahl.jit.kernel import kernel
 from msahl.linalg.node_order import smallest_degree
 from msahl.linalg.symbolic import Lists, fill, transposed
@@ -94,12 +95,12 @@ def eliminate_row(given: Plan, own: Factors, i: int) -> None:
         k = given.lower.items[e]
         for a in range(m):
             small_system.solve_transposed(own.pivot[k], own.exchanged[k], own.row[k, a])
-        _copy(own.row[k], own.lower[e])
+        copy(own.row[k], own.lower[e])
         for u in range(given.upper.first[k], given.upper.first[k + 1]):
             _subtract_product(own.lower[e], own.upper[u], own.row[given.upper.items[u]])
     for e in range(given.upper.first[i], given.upper.first[i + 1]):
-        _copy(own.row[given.upper.items[e]], own.upper[e])
-    _copy(own.row[i], own.pivot[i])
+        copy(own.row[given.upper.items[e]], own.upper[e])
+    copy(own.row[i], own.pivot[i])
     small_system.factor(own.pivot[i], own.exchanged[i])
 
 
@@ -148,14 +149,6 @@ def _clear(A: np.ndarray) -> None:
     for a in range(A.shape[0]):
         for b in range(A.shape[0]):
             A[a, b] = 0.0
-
-
-@kernel
-def _copy(A: np.ndarray, B: np.ndarray) -> None:
-    """``B <- A``."""
-    for a in range(A.shape[0]):
-        for b in range(A.shape[0]):
-            B[a, b] = A[a, b]
 
 
 @kernel

@@ -34,9 +34,8 @@ class Extremes:
         self.scale = scale
         self.balance = sum(float(rows[0, BALANCE]) for rows in first)
         self.error = self.squares = self.kinetic = self.local = 0.0
-        self.between: float | None = (
-            None  # as ``error``, at output times between steps; None without any
-        )
+        # As ``error``, at output times between steps; None without any.
+        self.between: float | None = None
         self.steps = 0
         self.worst = [0.0] * (LOCAL + 1)  # largest value of each column of the monitor
         self.add(first)
