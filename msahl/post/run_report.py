@@ -88,7 +88,7 @@ CHECKS = {
     "pivotRatio": "Conditioning",
     "signals": "Signals and auxiliary states",
     "jumps": "Jumps by reactions",
-    "speedJumps": "Jumps of given speeds",
+    "speedJumps": "Jumps of prescribed speeds",
     "reactions": "Reactions",
     "forceError": "Errors of forces",
     "momentError": "Errors of moments",

@@ -375,11 +375,11 @@ def _speed_jumps(figures: Figures, limits: Limits) -> Iterator[Finding]:
     if figures.speed_jumps:
         more = len(figures.speed_jumps) - 3
         text = (
-            f"the speed of a given motion jumps: {', '.join(figures.speed_jumps[:3])}"
+            f"the speed of a prescribed motion jumps: {', '.join(figures.speed_jumps[:3])}"
             f"{f', and {more} more motions' if more > 0 else ''}; its load and the reactions are "
-            "an impulse then, which a step spreads over its time and output times may miss: they "
-            'depend on the step size: do not use them there, or write interpolation="cubic", with '
-            "ends at rest, or a <ramp>"
+            "an impulse then, which a step spreads over its time and output times may miss, so "
+            'they depend on the step size; do not use them there, or write interpolation="cubic", '
+            "with ends at rest, or a <ramp>"
         )
         yield Finding("speedJumps", WARN, text)
 
