@@ -63,15 +63,15 @@ from msahl.system.diagnostics import KINETIC, SPEED, record_figures
 from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
-NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, FASTEST, CEILING, STATES = (
-    range(13)
-)
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST = range(7)
+WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, STATES = range(7, 14)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
 or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
 which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
-after one that was refused [s]; from here on the largest sizes of the auxiliary states."""
+after one that was refused [s]; size at which the last accepted pair would have had its share of the
+tolerance [s]; from here on the largest sizes of the auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -85,15 +85,19 @@ within it, or that a switch crosses at its start."""
 MAX_ROTATION = 1.5
 """Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a
 revolution relative to each other, as is needed to count full revolutions of their angle."""
-SAFETY, SHRINK, GROW, SEARCH = 0.9, 0.2, 3.0, 10.0
+SAFETY, SHRINK, GROW, SEARCH = 0.9, 0.2, 2.0, 10.0
 """Factor of (1), and the limits of one change of the size: least, largest from pair to pair, and
 largest while a first size is sought."""
+TREND = 0.5
+"""Least factor of the size because it should have become smaller over the last pair, as it will
+over the next."""
 LENT = 5.0
 """Largest error of a pair over its share. Those before have used a part of theirs only, as 0.9^p
 shares are aimed at."""
-UNSOLVED, RECOVERY = 0.5, 1.2
-"""Change of the size after a pair that was not solved, and largest growth by pair from one that was
-refused: it would be refused again."""
+UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
+"""Size of the next pair after one that was not solved, and largest one of those after it, as
+fractions; how much the largest grows by pair after one was refused: pairs of that size would
+probably be refused again."""
 ROUND_OFF = 4e-16
 """Fraction of positions and lengths that is rounding error: no smaller step reduces it."""
 TOO_SMALL = 1e-12
@@ -111,7 +115,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (12 + n,) see above
+    figures: np.ndarray  # (13 + n,) see above
     counts: np.ndarray  # (4,)
     event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
@@ -134,7 +138,7 @@ def new_step_control(
     state = subsystem.workspace.state
     system = subsystem.workspace.system
     figures = np.zeros(STATES + state.auxiliary.size)
-    figures[STOP] = figures[CEILING] = math.inf
+    figures[STOP] = figures[CEILING] = figures[FIT] = math.inf
     figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
     figures[SHARE] = settings.tolerance / settings.t_final
     return StepControl(
@@ -228,7 +232,7 @@ def try_pair(
         newton.reset_prediction(subsystem)
         if not (commit and gives_way(detector, t) > 0.0):
             figures[NEXT] = figures[BEST] = UNSOLVED * h
-            count_refused(control, h, commit)
+            count_refused(control, SOLVED * h, commit)
         return False
     good = choose_next_size(subsystem, control, order, h, error, round_off, commit)
     if good and commit:
@@ -240,7 +244,7 @@ def try_pair(
         return True
     # The next pair is predicted by the long step.
     restore_start(subsystem, control)
-    count_refused(control, h, commit)
+    count_refused(control, SAFETY * h, commit)
     return good
 
 
@@ -299,11 +303,15 @@ def choose_next_size(
     growth = most
     if error > round_off:
         growth = min(most, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
-    figures[BEST] = growth * h
     good = error <= max(allowed_error(control), share, round_off)
     speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
     if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
         good, growth = False, MAX_ROTATION / (h * speed)
+    figures[BEST] = growth * h
+    if good and commit:
+        fit = growth * h / SAFETY
+        growth *= min(1.0, max(TREND, fit / figures[FIT]))
+        figures[FIT] = fit
     if good:
         next_size = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
         figures[NEXT] = min(next_size, figures[CEILING]) if commit else next_size
@@ -323,13 +331,13 @@ def allowed_error(control: StepControl) -> float:
 
 
 @kernel
-def count_refused(control: StepControl, h: float, commit: bool) -> None:
-    """Count a pair of size ``h`` that was refused and let those after it grow slowly towards its
-    size, if it was not only tried.
+def count_refused(control: StepControl, ceiling: float, commit: bool) -> None:
+    """Count a pair that was refused, if it was not only tried, and let those after it grow slowly
+    beyond the size ``ceiling``.
     """
     if commit:
         control.counts[REFUSED] += 1
-        control.figures[CEILING] = SAFETY * h
+        control.figures[CEILING] = ceiling
 
 
 @kernel
