@@ -1,7 +1,8 @@
 """Chooses the size of collocation steps from a tolerance on their local errors.
 
 Steps are taken in pairs of equal halves, and each pair is compared with one long step, of the size
-of the pair, from the same state. Of a method of order p the difference gives the local error of the
+of the pair, from the same state. It is solved after them, predicted by their polynomials, which
+takes one or two iterations. Of a method of order p the difference gives the local error of the
 pair,
 
     e = |pair - long step| / (2^p - 1)                                                  [m]
@@ -10,11 +11,15 @@ pair,
     h      size of the pair [s]
     tol    tolerance [m], T the duration of the run [s]
 
-A pair is accepted if e <= tol h/T, so that the local errors of a run add up to the tolerance. How
-far they grow afterwards depends on the motion and is not controlled. Over a pair the error goes
-with h^(p+1), so e/h goes with h^p, and the next pair has the size
+The share of a pair is tol h/T. A pair is accepted if e is within its share, or within ``LENT``
+shares as far as the pairs before left so much of theirs: the local errors of a run add up to the
+tolerance at most. How far they grow afterwards depends on the motion and is not controlled. Over a
+pair the error goes with h^(p+1), so e/h goes with h^p, and the next pair has the size
 
     h <- 0.9 h (tol h / (T e))^(1/p)      within limits of one change                     (1)
+
+or, where the size by (1) fell over the last pair, this times the factor by which it fell: the error
+probably goes on growing.
 
 No pair extends beyond a breakpoint: where a law or an expression of time has one is known, and
 where a coordinate reaches a breakpoint of a spring's table or of a cam, or the width of a friction
