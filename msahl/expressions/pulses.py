@@ -24,7 +24,7 @@ FIRST_CELLS, MOST_CELLS = 256, 20_000
 MANY = 16
 """Cells at first between two known times, from which they may show a pulse without being halved."""
 ROUNDS = 100
-"""Of halving cells: enough for those of the shortest size, where few are halved in each."""
+"""In each of which cells are divided in two: enough for those of the shortest size."""
 SHORTEST = 1e-13
 """Size of a cell that is not halved, as a fraction of the run: round-off of the time."""
 MET, BETWEEN = np.array([0.0, 0.5, 1.0]), np.array([0.21, 0.36, 0.64, 0.79])
@@ -172,11 +172,11 @@ def _unresolved(cells: Cells, shortest: float) -> np.ndarray:
     """Return the numbers of the cells to be halved, the worst if they are too many."""
     size, hidden = _range(cells.value), cells.hidden
     # The range of a function whose pulses are not found yet may be as large as what is hidden.
-    whole = max(size, np.max(hidden[np.isfinite(hidden)], initial=0.0))
-    excess = np.fmax(hidden / (HIDDEN * whole), cells.bent / (BENT * size))
+    largest = max(size, np.max(hidden[np.isfinite(hidden)], initial=0.0))
+    excess = np.fmax(hidden / (HIDDEN * largest), cells.bent / (BENT * size))
     halved = np.flatnonzero((excess > 1.0) & (cells.high - cells.low > shortest))
-    room = max(0, MOST_CELLS - cells.low.size)
-    return halved if halved.size <= room else halved[np.argsort(-excess[halved])[:room]]
+    more = max(0, MOST_CELLS - cells.low.size)
+    return halved if halved.size <= more else halved[np.argsort(-excess[halved])[:more]]
 
 
 def _times(low: np.ndarray, high: np.ndarray) -> np.ndarray:

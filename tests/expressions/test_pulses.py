@@ -14,7 +14,7 @@ SLOW = (
     *("tanh((t - .5)/.1)", "exp(-((t - .5)/.05)^2)", "1/(1 + ((t - .5)/.1)^2)"),
     *("sqrt((t - .5)^2 + 1e-10)", "exp(1000*t)*exp(-1000*t)"),
 )
-"""Smooth, or of one pace from beginning to end: steps of any size meet them."""
+"""Smooth, or equally fast from beginning to end: steps of any size meet them."""
 PULSES = {
     "exp(-((t - .4567)/W)^2)": [0.4567],
     "1/cosh((t - .3)/W)^2": [0.3],
