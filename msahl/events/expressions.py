@@ -11,7 +11,15 @@ from msahl.algebra.functions import Law, Laws, build_laws, joined
 from msahl.algebra.surfaces import axes_of
 from msahl.elements.signals.group import REACTION, TIME, Signals
 from msahl.expressions.intervals import bounds
-from msahl.expressions.known_times import KnownTimes, dependent, known_times, operands, users
+from msahl.expressions.known_times import (
+    KnownTimes,
+    dependent,
+    known_times,
+    operands,
+    users,
+    with_times,
+)
+from msahl.expressions.pulses import BETWEEN, INWARDS, MET, PARABOLA, pulse_times, terms
 from msahl.expressions.tape import CURVE, HELD, SURFACE, Tape
 
 KEPT = 8
@@ -19,17 +27,9 @@ KEPT = 8
 NO_TIMES = KnownTimes(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((1, 0)))
 MOST_EXAMINED = 200_000
 """Steps, and parts of them, that are looked at for fast inputs."""
-MET, BETWEEN = np.array([0.0, 0.5, 1.0]), np.array([0.21, 0.36, 0.64, 0.79])
-"""Times at which a run and its companion evaluate an input, and others, as fractions of a step."""
-PARABOLA = np.array(
-    [(1 - 2 * BETWEEN) * (1 - BETWEEN), 4 * BETWEEN * (1 - BETWEEN), BETWEEN * (2 * BETWEEN - 1)]
-)
-"""Weights of the values at ``MET`` in the parabola's values at ``BETWEEN``."""
 UNRESOLVED, CONSTANT = 0.3, 1e-9
 """A step does not resolve an input that deviates from the parabola by this fraction of its change
 within the step, and of its largest value."""
-INWARDS = 1e-9
-"""Fraction of a step, from its ends, at which an input has its values within the step."""
 PARTS, UNEVEN, GOLDEN = 64, 0.3, 0.6180339887498949
 """Parts of a step with a fast input: uneven, so that none meets the same phase in all of them."""
 
@@ -82,8 +82,10 @@ def jumps_by_reactions(signals: Signals | None) -> list[int]:
     return [k for k, late in used_switches(signals) if late and signals.tape.switches.jumps[k]]
 
 
-def known_to(signals: Signals | None, end: float) -> KnownTimes | None:
-    """Return what expressions of the time alone change until ``end`` [s]; None without these."""
+def known_to(signals: Signals | None, end: float, step: float) -> KnownTimes | None:
+    """Return what expressions of the time alone change until ``end`` [s], in steps of a size
+    ``step`` [s] if this is given, else 0; None without these.
+    """
     if signals is None:
         return None
     tape, (times, *others) = signals.tape, _inputs(signals)
@@ -94,10 +96,8 @@ def known_to(signals: Signals | None, end: float) -> KnownTimes | None:
     found = [i for i in operations if not moving[first + i]]
     # A table of the time and of the motion changes at known times by one of its axes.
     maps = [i for i in operations if tape.op[i] == SURFACE and moving[first + i]]
-    if not maps and not any(tape.op[i] in (HELD, CURVE, SURFACE) for i in found):
-        return None
-    place = tape.constant.size + int(times[0])
-    known = _known(_Key(tape), tuple(found), tuple(maps), place, end)
+    given = tuple(found), tuple(maps), tape.constant.size + int(times[0]), end
+    known = _with_pulses(_Key(tape), given, tuple(_timed_places(signals)), step)
     return known if known.time.size or known.switch.size else None
 
 
@@ -129,6 +129,26 @@ def _known(
     key: _Key, operations: tuple[int, ...], maps: tuple[int, ...], time: int, end: float
 ) -> KnownTimes:
     return known_times(key.tape, list(operations), list(maps), time, end)
+
+
+@lru_cache(maxsize=KEPT)
+def _with_pulses(
+    key: _Key,
+    given: tuple[tuple[int, ...], tuple[int, ...], int, float],
+    places: tuple[int, ...],
+    step: float,
+) -> KnownTimes:
+    """Return the times known by what is ``given``, and those of pulses of the values at
+    ``places``, which depend on the time alone.
+    """
+    tape, known, (_, _, time, end) = key.tape, _known(key, *given), given
+    borders = np.concatenate([[0.0], known.time, [end]])
+    timed = dependent(tape, np.array([time - tape.constant.size]))
+    found = [
+        pulse_times(tape, users(tape, np.array([term])), term, time, borders, step)
+        for term in terms(tape, places, timed)
+    ]
+    return with_times(known, np.concatenate([np.zeros(0), *found]), end)
 
 
 def all_laws(signals: Signals | None, laws: Laws) -> Laws:

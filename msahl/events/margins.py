@@ -56,12 +56,13 @@ steps do not end for what happens in so small a part at their ends."""
 
 
 class Span(NamedTuple):
-    """The time of a run: its ``end`` [s], and for the companion of one with given steps the size of
-    these, in which it resolves inputs that change fast.
+    """The time of a run: its ``end`` [s], and the size of its steps where it is given, else 0; the
+    companion of one with given steps resolves inputs that change fast in these.
     """
 
     end: float
     step: float = 0.0
+    resolves_inputs: bool = False
 
 
 class Margin(NamedTuple):
@@ -113,8 +114,8 @@ def build_margins(system: System, order: int, span: Span) -> Margins | None:
     signals = system.forces.signals
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
-    known = known_to(signals, span.end)
-    if span.step > 0.0:
+    known = known_to(signals, span.end, span.step)
+    if span.resolves_inputs:
         known = with_fast_inputs(signals, known, span.step, span.end)
     if not found and known is None:
         return None

@@ -37,6 +37,17 @@ class KnownTimes(NamedTuple):
     side: np.ndarray  # (k + 1, n) their values before the first of the times, and after each
 
 
+def with_times(known: KnownTimes, more: np.ndarray, end: float) -> KnownTimes:
+    """Return what changes at ``known`` times, and ``more`` times until ``end`` [s] at which no
+    switch does.
+    """
+    more, near = _merged(more, end), 4.0 * SAME * end
+    below, above = (np.searchsorted(known.time, more + by) for by in (-near, near))
+    times = np.union1d(known.time, more[below == above])
+    rows = np.searchsorted(known.time, np.append(-1.0, times), side="right")
+    return KnownTimes(times, known.switch, known.side[rows])
+
+
 def operands(tape: Tape, i: int) -> tuple[int, ...]:
     """Return the places of the values that operation ``i`` depends on."""
     a, b, op = int(tape.a[i]), int(tape.b[i]), tape.op[i]

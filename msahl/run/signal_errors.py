@@ -2,7 +2,8 @@
 
 Each is compared with its own size, the largest value that it has in the run. A value that is zero
 but for noise has no size. So no error counts that is within ``NOISE`` of what the terms of the
-expression would be if lengths, angles and rates had the size that they have in the model.
+expression would be if lengths, angles and rates had the size that they have in the model, nor one
+of a value that is smaller than any quantity (``NOTHING``).
 """
 
 from collections.abc import Sequence
@@ -23,6 +24,9 @@ ZERO, PER_TOLERANCE = 3e-4, 10.0
 which a value that is not above ``UNKNOWN`` errors of its own is zero: its terms cancel. Rates, in a
 model at rest, have errors of 1e-4 at loose tolerances, and ten times those of positions."""
 UNKNOWN = 3.0
+NOTHING = 1e-50
+"""Size in SI units of a value that is zero, as after a long decay: times, lengths and masses of
+physics are above 1e-45, and no force that a motion shows follows from so little."""
 STATE, SIGNAL = 0.01, 0.05
 """Share of its largest value by which an auxiliary state, and a signal or the load of an actuator,
 may be wrong: these may be rates or differences."""
@@ -82,7 +86,7 @@ class SignalErrors:
                 terms[places] = _terms(integrator, scales)
         cancels = self.size <= UNKNOWN * self.lasting
         zero = max(NOISE, min(ZERO, PER_TOLERANCE * asked))
-        counts = (self.lasting > np.where(cancels, zero, NOISE) * terms) & (self.size > 0.0)
+        counts = (self.lasting > np.where(cancels, zero, NOISE) * terms) & (self.size > NOTHING)
         self.share = np.divide(self.lasting, self.size, out=np.zeros_like(terms), where=counts)
 
     def over_limits(self, relative: float) -> float:

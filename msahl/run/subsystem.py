@@ -87,7 +87,8 @@ class SubsystemIntegrator:
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         simulation = model.simulation
-        span = Span(simulation.t_final, simulation.dt if self.resolves_inputs else 0.0)
+        step = 0.0 if resolve(simulation).adaptive else simulation.dt
+        span = Span(simulation.t_final, step, self.resolves_inputs)
         self.stepper = _new_stepper(
             model, self.workspace, solver, (instantaneous, span), self.storage
         )

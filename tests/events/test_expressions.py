@@ -260,6 +260,34 @@ def test_inputs_that_are_faster_than_the_steps_are_in_the_estimated_error():
     assert 0.3 < run.report.error["position"] / true < 10.0
 
 
+PULSES = {
+    "1000*exp(-((t - .4567)/.0007)^2)": 1000.0 * 0.0007 * math.sqrt(math.pi) * (1.0 - 0.4567),
+    "50/cosh((t - .3)/1e-6)^2": 50.0 * 2e-6 * (1.0 - 0.3),
+    "2000*t/.001*exp(-t/.001)": 2000.0 * 0.001 * (1.0 - 2.0 * 0.001),
+}
+"""Integrals of (1 - t) times a pulse within a second."""
+
+
+@pytest.mark.parametrize("pulse", PULSES)
+def test_a_pulse_far_shorter_than_the_steps_is_resolved_by_tolerance(pulse):
+    model = rail(pulse, 0.0)
+    simulation = replace(model.simulation, scheme="auto", tolerance=1e-6, t_final=1.0)
+    run = simulate(replace(model, simulation=simulation), solver="newton")
+    assert abs(run.states[-1, 3] - PULSES[pulse] / MASS) < 1e-6
+    assert run.report.verdict["word"] == "PASS"
+    assert run.report.steps < 200
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
+@pytest.mark.parametrize("pulse", PULSES)
+def test_a_pulse_within_a_given_step_is_in_the_estimated_error(pulse, scheme):
+    """Both the run and its companion took some of it, or none: .337 m were wrong, with PASS."""
+    run = simulate(rail(pulse, 0.0), dt=0.01, t_final=1.0, scheme=scheme, solver="newton")
+    true = abs(run.states[-1, 3] - PULSES[pulse] / MASS)
+    assert true < 0.02 * PULSES[pulse]
+    assert 0.3 * true < run.report.error["position"] + 1e-9
+
+
 RESUMED = {
     "dead zone": SCENES["dead zone"][0],
     "two-point control": SCENES["two-point control"][0],

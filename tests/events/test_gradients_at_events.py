@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import msahl
+from msahl.analysis.gradients.run import TangentRun
 from tests.support.models import ROOT
 
 DECKS = ROOT / "decks"
@@ -103,6 +104,22 @@ def test_the_time_of_a_jump_moves_with_the_parameters(force, exact, scheme, want
             # Differences of order 4: 1e-12; the time of the event by steps: round-off over them.
             assert found.jacobian[i, j] == pytest.approx(slope, rel=1e-7, abs=1e-8)
     assert not found.remarks
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
+def test_halves_of_a_step_have_half_the_change_of_its_size(scheme, monkeypatch, tmp_path):
+    """Steps that cannot be solved at once, after a jump whose time moves."""
+    solve = TangentRun._solve
+    monkeypatch.setattr(
+        *(TangentRun, "_solve"),
+        lambda self, step, h, share: share < 0.3 and solve(self, step, h, share),
+    )
+    measures, wanted = ["P.x final"], {"scheme": scheme, "error": "off"}
+    found = pushed("where(P.x > X, F2, F1)", tmp_path).gradient(measures, ["X"], **wanted)
+    d = 1e-5
+    slope = np.diff([by_place(1.0, **{**GIVEN, "X": GIVEN["X"] + k * d}) for k in (-1, 1)])
+    # Differences of order 2 over 1e-5 m. Each quarter had the change of all of the step: 6.27.
+    assert found.jacobian[0, 0] == pytest.approx(slope[0] / (2.0 * d), rel=1e-7)
 
 
 def test_a_jump_that_gradients_do_not_follow_is_named_with_its_line(tmp_path):

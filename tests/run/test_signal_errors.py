@@ -92,6 +92,14 @@ def test_values_that_are_noise_or_jump_are_not_wrong():
     assert checks(run)["signals"] == PASS
 
 
+@pytest.mark.parametrize(("size", "word"), [(1e-75, PASS), (1e-9, WARN)])
+def test_a_state_that_is_smaller_than_any_quantity_is_zero(size, word):
+    model = on_a_rail((SignalState("s", parse("-500*s"), size),))
+    run = simulate(model, 0.02, 0.1, "preserving", solver="newton")
+    assert run.report.error["signals"]["s"]["error"] > STATE * size
+    assert checks(run)["signals"] == word
+
+
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 def test_reactions_of_an_overconstrained_loop_are_the_least(scheme):
     """Bennett's linkage: velocities that satisfy the joints to the square of the step only have a

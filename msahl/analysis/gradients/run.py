@@ -227,6 +227,7 @@ class TangentRun:
         evaluate.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
         if step.degree:
             collocation_newton.reset_prediction(self.pairs[step.degree].base)
+        self.size_slope *= 0.5  # each half has half the change of the step's size
         for half in range(2):
             kept = [
                 (row, 2.0 * s - half)
@@ -236,6 +237,7 @@ class TangentRun:
             rows, shares = tuple(row for row, _ in kept), tuple(s for _, s in kept)
             part = step._replace(rows=rows, shares=shares)
             self._take(part, 0.5 * h, 0.5 * share, depth - 1)
+        self.size_slope *= 2.0
 
     def _solve(self, step: Step, h: float, share: float) -> bool:
         """Take a step and differentiate it; return whether it could be solved."""
