@@ -208,7 +208,7 @@ def test_a_run_with_events_goes_on_bit_for_bit(monkeypatch):
     controlled = replace(model.simulation, scheme="auto", local_tolerance=1e-9)
     model = replace(model, simulation=controlled)
     _, rows = in_memory(model, options)
-    (_, first), (_, second) = in_two_parts(monkeypatch, model, options, 20)
+    (_, first), (_, second) = in_two_parts(monkeypatch, model, options, 6)
     assert bits(first, second) == bits(rows)
 
 

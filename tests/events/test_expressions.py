@@ -275,7 +275,7 @@ def test_a_pulse_far_shorter_than_the_steps_is_resolved_by_tolerance(pulse):
     run = simulate(replace(model, simulation=simulation), solver="newton")
     assert abs(run.states[-1, 3] - PULSES[pulse] / MASS) < 1e-6
     assert run.report.verdict["word"] == "PASS"
-    assert run.report.steps < 200
+    assert run.report.steps < 250  # from a pulse of 1e-3 s on, sizes double at most
 
 
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
