@@ -147,7 +147,8 @@ def test_a_tolerance_is_that_of_states_as_well(tolerance, grows):
     assert made[-1]["overTolerance"] <= 1.0
     # Positions are those of a body that moves uniformly: it is the states that ask for another run.
     assert all(one["error"] < 1e-12 for one in made)
-    assert len(made) == 2 or tolerance < 1e-2
+    # Those that do not grow are within this tolerance at once.
+    assert len(made) == 2 or tolerance < 1e-2 or not grows
     if grows:
         true = 1e-6 * np.exp(3.0 * run.time)
         assert np.abs(run.signals[:, 1] - true).max() <= allowed * true.max()

@@ -104,7 +104,7 @@ def test_refused_steps_count_in_a_chunk():
     """From a first size far too large, one chunk is not the search for the right one and all
     steps after it.
     """
-    given = {"scheme": "gauss", "degree": 2, "tolerance": 1e-10, "t_final": 1.0, "dt": 0.5}
+    given = {"scheme": "gauss", "degree": 2, "tolerance": 1e-12, "t_final": 1.0, "dt": 0.5}
     model = replace(pendulum(), simulation=replace(pendulum().simulation, **given))
     integrator = SubsystemIntegrator(model, "auto", False, 64)
     integrator.show_start()

@@ -26,7 +26,7 @@ from msahl.ports import forces
 from msahl.ports.forces import ReactionForces, pressed_by_reactions
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
-from msahl.schemes.collocation.tableau import new_tableau
+from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
 from msahl.schemes.collocation.workspace import StageArrays, new_stage_arrays, set_node
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant, new_instant
@@ -64,8 +64,9 @@ class CollocationWorkspace(NamedTuple):
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
     pivot_rows: np.ndarray  # (s,) work array of the factorisation
     dense_output: DenseOutput
-    long_rates: np.ndarray  # (s + 1, nodes, 3) velocities of a long step, to predict its halves
-    long_solution: np.ndarray  # (s, nodes, 3) its solution
+    halves: Halves
+    half_rates: np.ndarray  # (2, s + 1, nodes, 3) velocities of both halves, to predict their step
+    half_solution: np.ndarray  # (2, s, nodes, 3) their solutions
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
@@ -90,8 +91,9 @@ def new_collocation_workspace(
         y=np.zeros((lu.order.size, degree)),
         pivot_rows=np.zeros(degree, dtype=np.int64),
         dense_output=new_dense_output(workspace, higher.order(degree), higher.decays),
-        long_rates=np.zeros_like(stages.last_rates),
-        long_solution=np.zeros_like(stages.Z),
+        halves=halves_of(scheme, degree),
+        half_rates=np.zeros((2, *stages.last_rates.shape)),
+        half_solution=np.zeros((2, *stages.Z.shape)),
         outcome=np.zeros(2),
     )
 

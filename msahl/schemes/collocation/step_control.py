@@ -1,7 +1,8 @@
 """Chooses the size of collocation steps from a tolerance on their local errors.
 
 Steps are taken in pairs of equal halves, and each pair is compared with one long step, of the size
-of the pair, from the same state. Of a method of order p the difference gives the local error of the
+of the pair, from the same state. It is solved after them, predicted by their polynomials, which
+takes one or two iterations. Of a method of order p the difference gives the local error of the
 pair,
 
     e = |pair - long step| / (2^p - 1)                                                  [m]
@@ -10,11 +11,15 @@ pair,
     h      size of the pair [s]
     tol    tolerance [m], T the duration of the run [s]
 
-A pair is accepted if e <= tol h/T, so that the local errors of a run add up to the tolerance. How
-far they grow afterwards depends on the motion and is not controlled. Over a pair the error goes
-with h^(p+1), so e/h goes with h^p, and the next pair has the size
+The share of a pair is tol h/T. A pair is accepted if e is within its share, or within ``LENT``
+shares as far as the pairs before left so much of theirs: the local errors of a run add up to the
+tolerance at most. How far they grow afterwards depends on the motion and is not controlled. Over a
+pair the error goes with h^(p+1), so e/h goes with h^p, and the next pair has the size
 
     h <- 0.9 h (tol h / (T e))^(1/p)      within limits of one change                     (1)
+
+or, where the size by (1) fell over the last pair, this times the factor by which it fell: the error
+probably goes on growing.
 
 No pair extends beyond a breakpoint: where a law or an expression of time has one is known, and
 where a coordinate reaches a breakpoint of a spring's table or of a cam, or the width of a friction
@@ -63,13 +68,15 @@ from msahl.system.diagnostics import KINETIC, SPEED, record_figures
 from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
-NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, FASTEST, STATES = range(12)
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST = range(7)
+WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, STATES = range(7, 14)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
 or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
-which works are compared [J], and highest speed [m/s]; from here on the largest sizes of the
-auxiliary states."""
+which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
+after one that was refused [s]; size at which the last accepted pair would have had its share of the
+tolerance [s]; from here on the largest sizes of the auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -83,8 +90,19 @@ within it, or that a switch crosses at its start."""
 MAX_ROTATION = 1.5
 """Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a
 revolution relative to each other, as is needed to count full revolutions of their angle."""
-SAFETY, SHRINK, GROW = 0.9, 0.2, 3.0
-"""Factor of (1), and the limits of one change of the size."""
+SAFETY, SHRINK, GROW, SEARCH = 0.9, 0.2, 2.0, 10.0
+"""Factor of (1), and the limits of one change of the size: least, largest from pair to pair, and
+largest while a first size is sought."""
+TREND = 0.5
+"""Least factor of the size because it should have become smaller over the last pair, as it will
+over the next."""
+LENT = 5.0
+"""Largest error of a pair over its share. Those before have used a part of theirs only, as 0.9^p
+shares are aimed at."""
+UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
+"""Size of the next pair after one that was not solved, and largest one of those after it, as
+fractions; how much the largest grows by pair after one was refused: pairs of that size would
+probably be refused again."""
 ROUND_OFF = 4e-16
 """Fraction of positions and lengths that is rounding error: no smaller step reduces it."""
 TOO_SMALL = 1e-12
@@ -102,7 +120,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (11 + n,) see above
+    figures: np.ndarray  # (13 + n,) see above
     counts: np.ndarray  # (4,)
     event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
@@ -110,12 +128,9 @@ class StepControl(NamedTuple):
     start: State  # at the start of the pair
     middle: StepEnd  # of the pair
     end: StepEnd
-    x: np.ndarray  # (n+1, 3) mass centres at the end of the long step [m]
+    finish: State  # at its end
+    x: np.ndarray  # (n+1, 3) mass centres at the middle of the long step, by its dense output [m]
     p: np.ndarray  # (n+1, 3) rotations there
-    x_middle: np.ndarray  # (n+1, 3) mass centres at the middle of it, by the dense output [m]
-    p_middle: np.ndarray  # (n+1, 3)
-    work: np.ndarray  # (w,) at its end [J]
-    auxiliary: np.ndarray  # (n,) auxiliary states there
     terms: np.ndarray  # (2, n) terms of their rates: per second, and over the run
     checks_rows: bool  # whether errors of the dense output and of works count as well
     timed: np.ndarray  # (l,) piecewise laws of time
@@ -128,7 +143,7 @@ def new_step_control(
     state = subsystem.workspace.state
     system = subsystem.workspace.system
     figures = np.zeros(STATES + state.auxiliary.size)
-    figures[STOP] = math.inf
+    figures[STOP] = figures[CEILING] = figures[FIT] = math.inf
     figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
     figures[SHARE] = settings.tolerance / settings.t_final
     return StepControl(
@@ -140,12 +155,9 @@ def new_step_control(
         start=State(*(array.copy() for array in state)),
         middle=dense_output.new_step_end(state),
         end=dense_output.new_step_end(state),
+        finish=State(*(array.copy() for array in state)),
         x=np.zeros_like(state.x),
         p=np.zeros_like(state.p),
-        x_middle=np.zeros_like(state.x),
-        p_middle=np.zeros_like(state.p),
-        work=np.zeros_like(state.work),
-        auxiliary=np.zeros_like(state.auxiliary),
         terms=rate_terms(system, subsystem.workspace.start, state, settings.t_final),
         checks_rows=system.scalar is not None
         or state.auxiliary.size > 0
@@ -209,35 +221,35 @@ def try_pair(
     dense_output.save_end(subsystem.dense_output.begin, workspace)
     begin_pair(detector, workspace)
     copy_state(workspace.state, control.start)
-    solved = take_pair(subsystem, control, detector, h, row)
+    solved = take_halves(subsystem, control, detector, h, row)
     follows = seek_event(detector, control, t, h) if commit and solved else NO_EVENT
-    error, round_off = math.nan, 0.0
-    if solved and follows == NO_EVENT:
-        error, round_off = local_error(subsystem, control, order, row)
     if follows != NO_EVENT:
         restore_start(subsystem, control)
-        restore_polynomials(subsystem, t, h)
+        join_halves(subsystem, t, h)
         if follows == CROSSES:
             cross_at_start(detector, t)
         return False
-    if not solved or (commit and not math.isfinite(error)):
+    error, round_off, well = math.nan, 0.0, subsystem.stages.predicted_well[0]
+    if solved and take_long_step(subsystem, control, h):
+        error, round_off = local_error(subsystem, control, order, row)
+    if not math.isfinite(error):
         restore_start(subsystem, control)
         newton.reset_prediction(subsystem)
         if not (commit and gives_way(detector, t) > 0.0):
-            figures[NEXT] = figures[BEST] = 0.25 * h
-            control.counts[REFUSED] += 1
+            figures[NEXT] = figures[BEST] = UNSOLVED * h
+            count_refused(control, SOLVED * h, commit)
         return False
-    good = choose_next_size(subsystem, control, order, h, error, round_off)
+    good = choose_next_size(subsystem, control, order, h, error, round_off, commit)
     if good and commit:
+        restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
         keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
             newton.reset_prediction(subsystem)
         return True
-    if commit:
-        control.counts[REFUSED] += 1
+    # The next pair is predicted by the long step.
     restore_start(subsystem, control)
-    restore_polynomials(subsystem, t, h)
+    count_refused(control, SAFETY * h, commit)
     return good
 
 
@@ -287,23 +299,50 @@ def choose_next_size(
     h: float,
     error: float,
     round_off: float,
+    commit: bool,
 ) -> bool:
     """Set the size of the next pair after one of size ``h``; return whether that one is good."""
     figures = control.figures
     share = figures[SHARE] * h
-    growth = GROW
+    most = GROW if commit else SEARCH
+    growth = most
     if error > round_off:
-        growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
-    figures[BEST] = growth * h
-    good = error <= max(share, round_off)
+        growth = min(most, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
+    good = error <= max(allowed_error(control), share, round_off)
     speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
     if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
         good, growth = False, MAX_ROTATION / (h * speed)
+    figures[BEST] = growth * h
+    if good and commit:
+        fit = growth * h / SAFETY
+        growth *= min(1.0, max(TREND, fit / figures[FIT]))
+        figures[FIT] = fit
     if good:
-        figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
+        next_size = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
+        figures[NEXT] = min(next_size, figures[CEILING]) if commit else next_size
     else:
         figures[NEXT] = min(growth, SAFETY) * h
     return good
+
+
+@kernel
+def allowed_error(control: StepControl) -> float:
+    """Error [m] that the pair may have because those before had less than their shares; the sum of
+    all stays below the tolerance.
+    """
+    figures, end = control.figures, control.end.time[0]
+    share = figures[SHARE] * (end - control.start.time[0])
+    return min(LENT * share, figures[SHARE] * end - figures[ERROR])
+
+
+@kernel
+def count_refused(control: StepControl, ceiling: float, commit: bool) -> None:
+    """Count a pair that was refused, if it was not only tried, and let those after it grow slowly
+    beyond the size ``ceiling``.
+    """
+    if commit:
+        control.counts[REFUSED] += 1
+        control.figures[CEILING] = ceiling
 
 
 @kernel
@@ -316,6 +355,7 @@ def accept_pair(control: StepControl, row: int, h: float, error: float) -> None:
     figures[LARGEST] = max(figures[LARGEST], error)
     figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
     figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
+    figures[CEILING] *= RECOVERY
     control.sizes[row] = control.sizes[row + 1] = 0.5 * h
     control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
 
@@ -454,50 +494,58 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
 
 
 @kernel
-def take_pair(
+def take_halves(
     subsystem: CollocationWorkspace,
     control: StepControl,
     detector: Detector | None,
     h: float,
     row: int,
 ) -> bool:
-    """Take a step of size ``h``, save its end, and take the same time in two halves; return whether
-    all three were solved.
-    """
-    workspace = subsystem.workspace
-    system, state, start = workspace.system, workspace.state, workspace.start
-    if not newton.take_step(subsystem, h):
-        return False
-    copy(state.x, control.x)
-    copy(state.p, control.p)
-    if control.checks_rows:
-        save_middle(subsystem, control, h)
-    save_polynomials(subsystem)
-    restore_start(subsystem, control)
+    """Take a pair of steps of size ``h``/2 and save their ends; return whether both were solved."""
+    workspace, stages = subsystem.workspace, subsystem.stages
     for half in range(2):
-        restore_polynomials(subsystem, control.start.time[0], h)
         if not newton.take_step(subsystem, 0.5 * h):
             return False
-        record_figures(system, state, start, 0.5 * h, workspace.monitor, row + half)
+        record_figures(
+            workspace.system,
+            workspace.state,
+            workspace.start,
+            0.5 * h,
+            workspace.monitor,
+            row + half,
+        )
         dense_output.save_end(control.middle if half == 0 else control.end, workspace)
         save_margins(detector, workspace, 1 + half)
+        for k in range(stages.last_rates.shape[0]):
+            copy(stages.last_rates[k], subsystem.half_rates[half, k])
+        for k in range(stages.Z.shape[0]):
+            copy(stages.Z[k], subsystem.half_solution[half, k])
+    copy_state(workspace.state, control.finish)
+    return True
+
+
+@kernel
+def take_long_step(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
+    """Take a step of size ``h`` from the start of the pair; return whether it was solved."""
+    restore_start(subsystem, control)
+    join_halves(subsystem, control.start.time[0], h)
+    if not newton.take_step(subsystem, h):
+        return False
+    if control.checks_rows:
+        save_middle(subsystem, control, h)
     return True
 
 
 @kernel
 def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float) -> None:
-    """Save the middle of the long step, by its dense output, and the works at its end."""
+    """Save the middle of the long step, by its dense output."""
     output = subsystem.dense_output
     dense_output.save_end(output.end, subsystem.workspace)
     dense_output.fit(output, subsystem.instant)
     dense_output.set_basis_weights(output, output.nodes.shape[0] - 1, 0.5)
     dense_output.interpolate(output, h, 0.5)
-    copy(output.workspace.state.x, control.x_middle)
-    copy(output.workspace.state.p, control.p_middle)
-    for w in range(control.work.size):
-        control.work[w] = subsystem.workspace.state.work[w]
-    for k in range(control.auxiliary.size):
-        control.auxiliary[k] = subsystem.workspace.state.auxiliary[k]
+    copy(output.workspace.state.x, control.x)
+    copy(output.workspace.state.p, control.p)
 
 
 @kernel
@@ -509,14 +557,15 @@ def middle_difference(subsystem: CollocationWorkspace, control: StepControl) -> 
     figures, frames = control.figures, subsystem.workspace.system.frames
     error, length, other, any_states = 0.0, largest_body(subsystem), 0.0, False
     h = control.end.time[0] - control.start.time[0]
+    auxiliary = subsystem.workspace.state.auxiliary
     for b in range(control.x.shape[0] - 1):
-        u = sub(at(control.middle.x, b), at(control.x_middle, b))
-        c = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
+        u = sub(at(control.middle.x, b), at(control.x, b))
+        c = compose(at(control.middle.p, b), inverse(at(control.p, b)))
         error = max(error, math.sqrt(dot(u, u)) + frames.length[b] * math.sqrt(dot(c, c)))
-    for k in range(control.auxiliary.size):
+    for k in range(auxiliary.size):
         state = control.end.auxiliary[k]
         figures[STATES + k] = max(figures[STATES + k], abs(state))
-        off = abs(state - control.auxiliary[k])
+        off = abs(state - auxiliary[k])
         noise = ROUND_OFF * (h * control.terms[0, k] + control.terms[1, k])
         if not off <= noise:  # a NaN counts
             any_states, other = True, max(other, length * off / figures[STATES + k])
@@ -537,10 +586,10 @@ def work_difference(
     figures[ENERGY] = max(figures[ENERGY], rows[row, KINETIC], rows[row + 1, KINETIC])
     if figures[FASTEST] <= figures[SHARE]:
         return 0.0, 0.0
-    work, size, done = 0.0, figures[ENERGY], 0.0
-    for w in range(control.work.size):
-        work = max(work, abs(control.end.work[w] - control.work[w]))
-        size = max(size, abs(control.work[w]))
+    work, size, done, of_long = 0.0, figures[ENERGY], 0.0, subsystem.workspace.state.work
+    for w in range(of_long.size):
+        work = max(work, abs(control.end.work[w] - of_long[w]))
+        size = max(size, abs(of_long[w]))
         done = max(done, abs(control.end.work[w] - control.start.work[w]))
     if size == 0.0:
         return 0.0, 0.0
@@ -561,17 +610,17 @@ def largest_body(subsystem: CollocationWorkspace) -> float:
 
 @kernel
 def end_difference(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
-    """Difference [m] between the ends of the pair and of the long step, and how much of that is
-    rounding error.
+    """Difference [m] between the ends of the pair and of the long step, where the state is, and how
+    much of that is rounding error.
     """
-    state, frames = subsystem.workspace.state, subsystem.workspace.system.frames
-    error, size = 0.0, 0.0
+    state, end = subsystem.workspace.state, control.end
+    frames, error, size = subsystem.workspace.system.frames, 0.0, 0.0
     for b in range(state.x.shape[0] - 1):
-        u = sub(at(state.x, b), at(control.x, b))
-        c = compose(at(state.p, b), inverse(at(control.p, b)))
+        u = sub(at(end.x, b), at(state.x, b))
+        c = compose(at(end.p, b), inverse(at(state.p, b)))
         length = frames.length[b]
         error = max(error, math.sqrt(dot(u, u)) + length * math.sqrt(dot(c, c)))
-        size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
+        size = max(size, math.sqrt(dot(at(end.x, b), at(end.x, b))) + length)
     return error, ROUND_OFF * size
 
 
@@ -584,22 +633,42 @@ def restore_start(subsystem: CollocationWorkspace, control: StepControl) -> None
 
 
 @kernel
-def save_polynomials(subsystem: CollocationWorkspace) -> None:
-    """Save the polynomials of the step just taken, for the predictions of the halves."""
-    for k in range(subsystem.long_rates.shape[0]):
-        copy(subsystem.stages.last_rates[k], subsystem.long_rates[k])
-    for k in range(subsystem.long_solution.shape[0]):
-        copy(subsystem.stages.Z[k], subsystem.long_solution[k])
+def restore_end(
+    subsystem: CollocationWorkspace, control: StepControl, h: float, predicted_well: float
+) -> None:
+    """Bring the state back to the end of the pair, and let the next prediction follow the
+    polynomials of its second half, of size ``h``.
+    """
+    workspace, stages = subsystem.workspace, subsystem.stages
+    copy_state(control.finish, workspace.state)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    for k in range(stages.last_rates.shape[0]):
+        copy(subsystem.half_rates[1, k], stages.last_rates[k])
+    for k in range(stages.Z.shape[0]):
+        copy(subsystem.half_solution[1, k], stages.Z[k])
+    stages.last_step[0], stages.last_step[1] = control.middle.time[0], h
+    stages.predicted_well[0] = predicted_well
 
 
 @kernel
-def restore_polynomials(subsystem: CollocationWorkspace, t: float, h: float) -> None:
-    """Let the next prediction follow the saved polynomials, of a step ``h`` from ``t``."""
-    for k in range(subsystem.long_rates.shape[0]):
-        copy(subsystem.long_rates[k], subsystem.stages.last_rates[k])
-    for k in range(subsystem.long_solution.shape[0]):
-        copy(subsystem.long_solution[k], subsystem.stages.Z[k])
-    subsystem.stages.last_step[0], subsystem.stages.last_step[1] = t, h
+def join_halves(subsystem: CollocationWorkspace, t: float, h: float) -> None:
+    """Let the next prediction follow the polynomials of both halves of a step ``h`` from ``t``."""
+    stages, halves = subsystem.stages, subsystem.halves
+    s = halves.rate_half.size
+    for i in range(s):
+        rates = subsystem.half_rates[halves.rate_half[i]]
+        solution = subsystem.half_solution[halves.multiplier_half[i]]
+        for node in range(rates.shape[1]):
+            for k in range(3):
+                stages.last_rates[i, node, k] = 0.0
+                for j in range(s + 1):
+                    stages.last_rates[i, node, k] += halves.rates[i, j] * rates[j, node, k]
+        for node in range(solution.shape[1]):
+            for k in range(3):
+                stages.Z[i, node, k] = 0.0
+                for j in range(s):
+                    stages.Z[i, node, k] += halves.multipliers[i, j] * solution[j, node, k]
+    stages.last_step[0], stages.last_step[1] = t, h
 
 
 @kernel

@@ -33,11 +33,13 @@ _take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
 
-FIRST_REVIEW, LONGEST_PAUSE = 8, 128
+FIRST_REVIEW, LONGEST_PAUSE = 16, 128
 """Accepted pairs until the degree is reviewed: first, and at most; the number doubles each time, so
 that reviews take a few per cent of the work."""
 TRIES = 3
 """Largest number of pairs tried to find the step size at a degree."""
+MUCH = 1.5
+"""Work, over that of the neighbour, above which a degree is tried once only."""
 WORTH = 0.9
 """Fraction of the present work below which the degree is changed."""
 
@@ -308,13 +310,11 @@ class AdaptiveStepper:
         """Change to the degree that takes the least work, if the gain is worth it."""
         present = self.method.degree
         self.sizes[present] = float(self.control.figures[step_control.NEXT])
-        work = {present: self._work_rate(present, present)}
+        work = {present: self._work_rate(present, present, math.inf)}
         for change in (1, -1):
-            degree = present + change
-            while degree in self.degrees:
-                work[degree] = self._work_rate(degree, degree - change)
-                if work[degree] > work[degree - change]:
-                    break
+            degree = present
+            while degree + change in self.degrees and min(work, key=lambda d: work[d]) == degree:
+                work[degree + change] = self._work_rate(degree + change, degree, work[degree])
                 degree += change
         best = min(work, key=lambda degree: work[degree])
         if self.chosen and work[best] > WORTH * work[present]:
@@ -327,22 +327,23 @@ class AdaptiveStepper:
             since = float(self.workspace.state.time[0])
             self.chosen.append({"degree": best, "since": since, "work": compared})
 
-    def _work_rate(self, degree: int, like: int) -> float:
-        """Work per second of motion at this ``degree``, by pairs that are tried and taken back;
-        the first has the size found for the degree ``like``.
+    def _work_rate(self, degree: int, like: int, other: float) -> float:
+        """Work per second of motion at this ``degree``, by pairs that are tried and taken back; the
+        first has the size found for the degree ``like``, whose work is the ``other``.
         """
         figures, counts = self.control.figures, self.workspace.counts
-        size, before = self.sizes[like], counts.copy()
+        size = self.sizes[like]
         if degree != self.method.degree:
             self.method.set_degree(degree)
         for _ in range(TRIES):
             before, figures[step_control.NEXT] = counts.copy(), size
             self._take_pairs(0, NO_TIMES)
             tried, size = size, float(figures[step_control.BEST])
-            if 0.5 <= size / tried <= 2.0:
+            rate = work_of(degree, *(counts - before).tolist()) / size
+            if 0.5 <= size / tried <= 2.0 or rate > MUCH * other:
                 break
         self.sizes[degree] = size
-        return work_of(degree, *(counts - before).tolist()) / tried
+        return rate
 
 
 def work_of(degree: int, iterations: int, factorisations: int) -> float:

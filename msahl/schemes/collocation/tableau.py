@@ -166,6 +166,34 @@ def state_nodes(tableau: Tableau) -> StateNodes:
     return StateNodes(lagrange(nodes, nodes, -1), spread, mean)
 
 
+class Halves(NamedTuple):
+    """From the polynomials of the halves of a step to its own: node i lies in ``half`` i of it."""
+
+    rate_half: np.ndarray  # (s,) of the velocities at c_i
+    rates: np.ndarray  # (s, s + 1) factors of those at the half's c_j, then at its start
+    multiplier_half: np.ndarray  # (s,)
+    multipliers: np.ndarray  # (s, s)
+
+
+@cache
+def halves_of(scheme: str, s: int) -> Halves:
+    """How the unknowns of a step follow from those of its halves; all steps share it."""
+    tableau = new_tableau(scheme, s)
+    forces, multipliers = tableau.force_time, tableau.multiplier_time
+    in_second, after = forces >= 0.5, multipliers >= 0.5
+    # Velocities jump at the start of a step of a scheme that decays.
+    known = forces if tableau.decays else np.append(forces, 0.0)
+    rates = np.zeros((s, s + 1))
+    rates[:, : known.size] = lagrange(known, 2.0 * forces - in_second)
+    return Halves(
+        in_second.astype(np.int64),
+        rates,
+        after.astype(np.int64),
+        # Multipliers have the square of the step as a factor.
+        4.0 * lagrange(multipliers, 2.0 * multipliers - after),
+    )
+
+
 @cache
 def at_radau_nodes(s: int) -> StateNodes:
     """For s force nodes that are Radau's themselves."""

@@ -14,6 +14,7 @@ from msahl.cli.main import main
 from msahl.deck import check_simulation
 from msahl.expressions.syntax import parse
 from msahl.model import ConcentratedLoad, Joint, JointActuator, Options, SignalState, SpringDamper
+from msahl.model.settings import OFF
 from msahl.run.conclusion import longest_step
 from tests.run.test_resume import advance, bits, in_two_parts
 from tests.support.closed_forms import recognise
@@ -88,6 +89,27 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
     assert report.step_control["rejectedPairs"] > 0
     assert report.step_control["stepMin"] < 0.3 * report.step_control["stepMax"]
     assert report.extremes["constraintViolationMax"] <= 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance", "t_final", "most"),
+    [
+        ("conical_pendulum", 1e-3, 5.0, 260),
+        ("double_pendulum_89", 1e-9, 4.0, 200),
+        ("torque_free", 1e-9, 5.0, 200),
+        ("spring_damper", 1e-6, 5.0, 130),
+    ],
+)
+def test_few_pairs_are_refused_and_few_iterations_needed(name, tolerance, t_final, most):
+    """A third to a half of all pairs was refused and 260 to 520 iterations, 160 of the linear
+    spring, were needed where sizes grew at once to those refused before, no pair was lent what
+    those before left, and the long step was predicted by the step before.
+    """
+    model = adaptive(deck(name), tolerance)
+    report = simulate(model, dt=0.01, t_final=t_final, error=OFF).report
+    control = report.step_control
+    assert control["rejectedPairs"] <= 0.15 * control["acceptedPairs"]
+    assert report.iterations <= most
 
 
 def wheel(speed=0.0, moment=0.0, **others):
