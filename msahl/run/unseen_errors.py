@@ -9,8 +9,8 @@ friction            a rate passes the regularisation width w [m/s] within one st
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
-from msahl.events.expressions import BETWEEN, MET, PARABOLA
 from msahl.events.margins import ENDS_AT_KINKS
+from msahl.expressions.pulses import BETWEEN, MET, PARABOLA
 from msahl.model import Model
 from msahl.model.motions import JointMotion
 from msahl.ports import forces
