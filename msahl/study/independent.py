@@ -178,7 +178,7 @@ class _Integration:
         self.ends, self.values = [0.0], list[np.ndarray]()
         self.steps = 0
         self.longest = longest_step(dynamics.model)
-        self.known = known_to(dynamics.system.forces.signals, end) or NO_TIMES
+        self.known = known_to(dynamics.system.forces.signals, end, 0.0) or NO_TIMES
         laws = breakpoints(dynamics.model, end)
         self.borders = [*np.union1d(laws, self.known.time), end or 1.0]
         self.angle = dynamics.first_angle.copy()
