@@ -110,7 +110,8 @@ class Detection:
     def restore(self, counters: dict[str, Any]) -> None:
         """Restore what ``counters`` returned."""
         for name in KEPT:
-            getattr(self.detector, name)[:] = counters[name]
+            kept = getattr(self.detector, name)
+            kept[:] = np.reshape(counters[name], kept.shape)  # JSON knows no shape of no rows
         self.detector.figures[SLIDES] = counters["since"]
 
     @property
