@@ -38,8 +38,9 @@ INWARDS = 1e-9
 HIDDEN, BENT = 0.02, 0.05
 """What bounds may exceed the samples of a cell by, and these a parabola, as fractions of the
 function's range: pulses that are smaller than this are not sought."""
-CONSTANT = 1e-9
-"""Range of a function, as a fraction of its largest value, that is no change."""
+CONSTANT, NOTHING = 1e-9, 1e-50
+"""Range of a function, as a fraction of its largest value and in SI units, that is no change: the
+tail of a pulse that is never reached changes by many powers of ten, and nothing follows from it."""
 SHARE = 0.05
 """Change of a function, as a fraction of its range, from one of the times to the next."""
 NEIGHBOURS, QUIET = 8, 16.0
@@ -123,7 +124,7 @@ def _pulse_times(function: Function, borders: np.ndarray, step: float, opaque: b
     """See ``pulse_times``; an ``opaque`` function has no bounds over intervals."""
     low, high, value, _, _ = _cells(function, borders, opaque)
     size, found = _range(value), [np.zeros(0)]
-    if not size > CONSTANT * np.fmax.reduce(np.abs(value), axis=None):
+    if not size > max(NOTHING, CONSTANT * np.fmax.reduce(np.abs(value), axis=None)):
         return found[0]
     t = _times(low, high)
     first = np.searchsorted(low, borders)

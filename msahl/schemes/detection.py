@@ -111,7 +111,7 @@ class Detection:
         """Restore what ``counters`` returned."""
         for name in KEPT:
             kept = getattr(self.detector, name)
-            kept[:] = np.reshape(counters[name], kept.shape)  # JSON knows no shape of no rows
+            kept[:] = np.reshape(counters[name], kept.shape)  # JSON has no shape of no rows
         self.detector.figures[SLIDES] = counters["since"]
 
     @property

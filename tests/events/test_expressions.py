@@ -293,6 +293,8 @@ RESUMED = {
     "two-point control": SCENES["two-point control"][0],
     # Thrown at the spring twice. Its switch is released at the first contact.
     "root": rail("where(Rail.slide < -0.3, 900*(-0.3 - Rail.slide)^1.5, 0) - 10", -1.0),
+    # Known times, and no switches.
+    "pulse": rail("1000*exp(-((t - .4567)/.0007)^2)", 0.0),
 }
 
 
