@@ -149,7 +149,7 @@ def _build(
         }
         for name, value in row.items():
             arrays[name].append(value)
-    return _finish(system, arrays, coordinates)
+    return _finish(system, arrays, coordinates, not model.loads)
 
 
 def _sides(model: Model, branch: Branch) -> tuple[Vector, Vector, object, object]:
@@ -211,8 +211,9 @@ def _finish(
     system: System,
     arrays: dict[str, list[object]],
     coordinates: list[tuple[int, bool, int, Vector]],
+    bare: bool,
 ) -> Tree:
-    """Return the tree of these bodies and coordinates."""
+    """Return the tree of these bodies and coordinates; ``bare`` if nothing but gravity acts."""
     frames, bodies = system.frames, system.bodies
     columns: dict[str, np.ndarray] = {name: np.array(rows) for name, rows in arrays.items()}
     columns["first"] = columns["first"].astype(np.int64)
@@ -228,7 +229,8 @@ def _finish(
         },
         mass=np.append(0.0, 1.0 / bodies.inverse_mass[own]),
         inertia=np.concatenate([np.zeros((1, 3, 3)), bodies.inertia[own]]),
-        gravity=bodies.gravity.copy(),
+        bare=bare,
+        gravity=bodies.gravity if bare else np.zeros(3),
         body=body,
         slides=slides,
         axis_frame=np.array([f for *_, f, _ in coordinates], dtype=np.int64),

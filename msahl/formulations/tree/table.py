@@ -31,7 +31,8 @@ class Tree(NamedTuple):
     child_axes: np.ndarray  # (b+1, 3, 3) likewise in the axes of the body itself
     mass: np.ndarray  # (b+1,) [kg]
     inertia: np.ndarray  # (b+1, 3, 3) about the mass centre, body axes [kg m^2]
-    gravity: np.ndarray  # (3,) inertial axes; zero where loads contain it [m/s^2]
+    bare: bool  # whether gravity is the only load
+    gravity: np.ndarray  # (3,) inertial axes; zero unless ``bare``: loads contain it [m/s^2]
     body: np.ndarray  # (n,) body of each coordinate
     slides: np.ndarray  # (n,) whether it is a slide; a hinge otherwise
     axis_frame: np.ndarray  # (n,) frame in which its axis is fixed

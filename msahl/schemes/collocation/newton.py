@@ -100,7 +100,7 @@ def new_collocation_workspace(
         half_rates=np.zeros((2, *stages.last_rates.shape)),
         half_solution=np.zeros((2, *stages.Z.shape)),
         outcome=np.zeros(2),
-        tree=None if tree is None else new_tree_stages(tree, stages.gravity_only, stages.tableau),
+        tree=None if tree is None else new_tree_stages(tree, stages.tableau),
     )
 
 

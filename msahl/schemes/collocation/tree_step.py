@@ -79,7 +79,6 @@ class TreeStages(NamedTuple):
 
     tree: Tree
     motion: TreeMotion
-    bare: bool  # whether gravity is the only load
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
@@ -87,7 +86,7 @@ class TreeStages(NamedTuple):
     figures: np.ndarray  # (3,) see above
 
 
-def new_tree_stages(tree: Tree, bare: bool, tableau: Tableau) -> TreeStages:
+def new_tree_stages(tree: Tree, tableau: Tableau) -> TreeStages:
     """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes."""
     c = tableau.force_time
     s, n = c.size, tree.body.size
@@ -95,7 +94,6 @@ def new_tree_stages(tree: Tree, bare: bool, tableau: Tableau) -> TreeStages:
     return TreeStages(
         tree=tree,
         motion=new_motion(tree),
-        bare=bare,
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
@@ -166,7 +164,7 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     motion = tree.motion
     recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
     predict(tree, stages, workspace.state.time[0], h)
-    if not tree.bare:
+    if not tree.tree.bare:
         forces.node_factors(
             workspace.system.forces,
             workspace.state.time[0],
@@ -183,7 +181,7 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         if iteration == 0:
             mass_matrix.set_factors(tree.tree, motion)
             workspace.counts[1] += 1
-        if not tree.bare:
+        if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
         recursion.set_momenta(tree.tree, motion)
         residual = correct(tree, h)
@@ -423,7 +421,7 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
         put(state.p, f, p)
         put(state.v, f, restrict(frames, 0, v))
         put(state.w, f, times(transpose(matrix(p)), restrict(frames, 1, W)))
-    if not tree.bare:
+    if not tree.tree.bare:
         for w in range(state.work.size):
             state.work[w] += stages.work[w]
     stages.last_step[0], stages.last_step[1] = state.time[0], h
