@@ -11,6 +11,8 @@ from tests.support.models import ROOT
 
 PACKAGE = ROOT / "msahl"
 LEAVES = (
+    "msahl.command_process",
+    "msahl.records",
     "msahl.terminal",
     "msahl.printable",
     "msahl.resources",

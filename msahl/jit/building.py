@@ -14,7 +14,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 from msahl.jit.files import Files
@@ -23,6 +22,7 @@ from msahl.jit.object_file import Name, ObjectFile, Unit, name_of, types_of
 from msahl.jit.progress import CompileError, Listener, Progress
 from msahl.jit.reach import code_size, resolve
 from msahl.jit.worker import link, translate
+from msahl.records import record
 from msahl.subprocesses import command_of, environment
 
 MOST_PROCESSES = 4
@@ -34,7 +34,7 @@ TRANSLATION, LINKING = 1.2e-4, 1.6e-4
 are done."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Job:
     """Work for one process: to translate a function, or to link it with all that it calls."""
 

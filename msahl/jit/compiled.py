@@ -13,7 +13,7 @@ from threading import Lock
 from typing import Any
 
 from msahl.jit.arguments import Blocks, describe, symbol_of
-from msahl.jit.files import Files, user_folder, version_of
+from msahl.jit.files import Files, source_table, user_folder, version_of
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
 from msahl.jit.progress import CompileError, Listener
@@ -145,6 +145,7 @@ def _loads(units: list[Unit], stopped: Callable[[], bool]) -> bool:
         assert complete, "a kernel was compiled, but not found"
     load(code.code for code in found.values())
     _loaded.update(found)
+    source_table().save()
     return True
 
 

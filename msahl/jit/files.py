@@ -13,11 +13,10 @@ from functools import cache, cached_property
 from importlib.util import find_spec
 from pathlib import Path
 
-import platformdirs
-
 from msahl.jit.kernel_store import HEAD, Store, digest_of
 from msahl.jit.object_file import Name, ObjectFile
 from msahl.jit.reach import PACKAGE, changed, own_digest, resolve, source_digest
+from msahl.jit.source_table import SourceTable
 
 LAYOUT = 3
 """Version of the format of object files."""
@@ -31,7 +30,23 @@ PORTABLE = {"x86-64-v3": FEATURES_V3, "x86-64": ()}
 def user_folder() -> Path:
     """Return the folder of the user's object files."""
     kept = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(kept or platformdirs.user_cache_dir("msahl", appauthor=False)) / "kernels"
+    return Path(kept or _cache_folder()) / "kernels"
+
+
+def _cache_folder() -> str:
+    """Return the program's folder for what can be made again, where the system has it.
+
+    ``platformdirs`` knows all systems. Its usual answer on Linux is given here: to import it takes
+    longer than to find and load the code of a model.
+    """
+    chosen, home = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME", "")
+    base = chosen if chosen is not None else f"{home.rstrip('/')}/.cache"
+    usual = sys.platform == "linux" and "ANDROID_DATA" not in os.environ
+    if usual and base.startswith("/") and (chosen or home.startswith("/")):
+        return f"{base}/msahl"
+    import platformdirs
+
+    return platformdirs.user_cache_dir("msahl", appauthor=False)
 
 
 class Files:
@@ -94,8 +109,14 @@ def portable_name(name: Name) -> str:
 
 
 @cache
+def source_table() -> SourceTable:
+    """Return the table of the digests of this process."""
+    return SourceTable(user_folder())
+
+
+@cache
 def _sources(module: str, name: str) -> str:
-    return source_digest(resolve(module, name))[:24]
+    return source_table().digest(module, name, lambda: source_digest(resolve(module, name)))[:24]
 
 
 @cache
