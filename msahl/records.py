@@ -73,10 +73,9 @@ def _compared(cls: Kind) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def _is_equal(self: Any, other: object) -> bool:
-    kind = self.__class__
-    if other.__class__ is not kind:
+    if other.__class__ is not self.__class__:
         return NotImplemented
-    values = _compared(kind)
+    values = _compared(self.__class__)
     return values(self) == values(other)
 
 
