@@ -4,9 +4,9 @@
 
 The change of every body is reported. Rotations are rotation increments: exact for any size.
 
-Joints of a deck in decimal numbers are open by what these leave out, some 1e-12 m. That is closed
-in silence: the first step would close it by speeds and works that grow as the step becomes shorter,
-and where nothing else moves these are all there is.
+Joints of a deck in decimal numbers are open by the digits that these omit, some 1e-12 m. That is
+closed in silence: the first step would close it by speeds and works that grow as the step becomes
+shorter, and where nothing else moves these are all there is.
 """
 
 from typing import NamedTuple
@@ -35,7 +35,7 @@ MAX_ITERATIONS = 50
 CLOSED = 1e-13
 """Constraint violation, relative to the largest length, that counts as closed."""
 ROUNDED = 1e-9
-"""Constraint violation, likewise, that is what decimal numbers of a deck leave out."""
+"""Constraint violation, likewise, that is that of the digits that a deck omits."""
 
 
 class Assembled(NamedTuple):

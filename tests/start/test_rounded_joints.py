@@ -1,4 +1,4 @@
-"""Joints that are open by the digits that a deck leaves out."""
+"""Joints that are open by the digits that a deck omits."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def hanging(gap):
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 def test_joints_open_by_rounded_numbers_are_closed_at_the_start(gap, closed, scheme):
     """The first step closed them, by work that is all the energy there is at rest: FAIL. A gap that
-    somebody may have meant stays, and is told.
+    somebody may have meant stays, with a warning.
     """
     run = simulate(hanging(gap), 0.01, 0.1, scheme)
     words = {name: check["word"] for name, check in run.report.verdict["checks"].items()}
