@@ -240,6 +240,8 @@ def _energy_limits_between_steps(figures: Figures) -> tuple[float, float]:
         return ERROR, ERROR_FAIL
     rotation = figures.length * figures.extreme("rotationPerStepMax")
     size = min(figures.length, max(figures.extreme("displacementMax"), rotation))
+    if 0.0 < size <= float(asked):
+        return math.inf, math.inf  # nothing of such a motion was asked for
     allowed = ERROR_FAIL if size == 0.0 else min(WARN_FACTOR * float(asked) / size, ERROR_FAIL)
     limit = max(ENERGY, allowed)
     return limit, max(ERROR_FAIL, WARN_FACTOR * limit)
