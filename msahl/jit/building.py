@@ -275,10 +275,13 @@ def _workers() -> Iterator[_Team]:
     _team = team
 
 
-def _end_team() -> None:
-    if _team is not None:
-        _team.end()
+def end_team() -> None:
+    """End the workers of this process; the next build starts others."""
+    global _team
+    team, _team = _team, None
+    if team is not None:
+        team.end()
 
 
 _team: _Team | None = None
-atexit.register(_end_team)
+atexit.register(end_team)

@@ -33,6 +33,8 @@ Call = tuple[Any, Sequence[Any]]
 """A compiled function and the arguments of a call."""
 
 STORE = Store(user_folder())
+BUILT: list[Unit] = []
+"""What was compiled in this process."""
 _loaded: dict[str, ObjectFile] = {}
 _loading = Lock()
 """Code is loaded, or compiled, by one thread at a time: twice the same would be refused."""
@@ -192,6 +194,7 @@ def _build(
 
     try:
         build(Build(files, known, keep), units, STOPWATCH.listen, stopped)
+        BUILT.extend(units)
     finally:
         STOPWATCH.seconds += time.perf_counter() - began
 
