@@ -11,6 +11,7 @@ from tests.support.models import ROOT
 
 PACKAGE = ROOT / "msahl"
 LEAVES = (
+    "msahl.locks",
     "msahl.terminal",
     "msahl.printable",
     "msahl.resources",
@@ -43,7 +44,9 @@ ORDER = (
     "study",
     "api",
     "sweep",
+    "serve",
     "cli",
+    "entry",
 )
 """Packages from the bottom to the top: each may import those before it."""
 

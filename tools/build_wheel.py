@@ -5,10 +5,11 @@
     python -m tools.build_wheel --into DIR      no wheel, only the kernels for this machine
 
 The kernels are compiled in a process of its own with an empty cache, for the levels of processors
-that ``msahl.jit.files`` names (x86-64: two) instead of for this machine. What numba translates does
-not depend on the level, so it is translated once, and linked for each. The wheel is built from a
-copy of the sources, in a temporary folder that no build leaves behind: one that was killed has lost
-its lock, and the next build removes its folder.
+that ``msahl.jit.files`` names (x86-64: two) instead of for this machine. What numba translates is
+linked for every level; it is taken over from the user's folder of kernels as far as it is there.
+(It differs with the processor only in how wide some vectors are, which LLVM divides as needed.) The
+wheel is built from a copy of the sources, in a temporary folder that no build leaves behind: one
+that was killed has lost its lock, and the next build removes its folder.
 """
 
 import argparse
@@ -22,8 +23,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from msahl.jit import building, compiled
 from msahl.jit.files import PORTABLE, Files, level_of_machine, portable_name
-from msahl.jit.kernel_store import HEAD, digest_of
+from msahl.jit.kernel_store import HEAD, Store, digest_of
 from msahl.jit.object_file import Name, ObjectFile
 from msahl.locks import lock
 
@@ -51,8 +53,10 @@ def temporary_folder() -> Iterator[Path]:
     """Lend a folder that is removed in the end, also by a signal, or by the next build."""
     remove_abandoned()
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    made = tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True)
-    with made as name, (Path(name) / "lock").open("wb") as file:
+    with (
+        tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as name,
+        (Path(name) / "lock").open("wb") as file,
+    ):
         lock(file.fileno())
         yield Path(name)
 
@@ -79,17 +83,19 @@ def compile_into(target: Path, levels: list[str], decks: list[str], folder: Path
         "PYTHONPATH": str(ROOT),
         "TMPDIR": str(folder),
     }
-    begin = f"from tools.build_wheel import link_all; link_all({str(target)!r}, {levels!r})"
+    given = str(target), levels, str(compiled.STORE.folder), Files(compiled.STORE).machine
+    begin = f"from tools.build_wheel import compile_levels; compile_levels(*{given!r})"
     subprocess.run([sys.executable, "-c", begin, *decks], env=environment, check=True)
 
 
-def link_all(target: str, levels: list[str]) -> None:
-    """Compile for the first of the ``levels``, and link the same for the others."""
+def compile_levels(target: str, levels: list[str], known: str, machine: str) -> None:
+    """Compile for the first of the ``levels``, and link the same for the others; ``known`` is the
+    user's folder of kernels and ``machine`` what the names in it end with.
+    """
     from msahl.cli.compile import compile_
-    from msahl.jit import building, compiled
 
     files = Files(compiled.STORE)
-    files.machine  # noqa: B018 - the name of the first level, under which all is found
+    _take_over(Store(Path(known)), machine, files.machine)
     compile_.main(sys.argv[1:] or ["--all"], standalone_mode=False)
     _copy(compiled.STORE.folder, Path(target) / levels[0])
     for level in levels[1:]:
@@ -102,8 +108,17 @@ def link_all(target: str, levels: list[str]) -> None:
             _write(folder / portable_name(name), code.as_bytes())
 
         work = building.Build(files, lambda name: None, write)
-        building.build(work, compiled.BUILT)
+        building.build(work, compiled.LOADED)
         _tell(level, folder)
+
+
+def _take_over(known: Store, machine: str, wanted: str) -> None:
+    """Take over what was translated for this machine already."""
+    for path in known.folder.glob(f"*-{machine}.bc"):
+        content = known.load(path.name)
+        if content:
+            name = path.name.removesuffix(f"{machine}.bc")
+            compiled.STORE.save(f"{name}{wanted}.bc", content)
 
 
 def _copy(kernels: Path, target: Path) -> None:
