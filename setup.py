@@ -2,7 +2,8 @@
 
 ``make wheel`` puts the machine code of all kernels into the package. Such a wheel is for one
 platform and needs no compiler. Every other installation needs numba and compiles what a run needs
-when it needs it, or with ``MSAHL_COMPILE=1 pip install ...`` everything at once, for this machine.
+when it needs it, or at once, for this machine: ``MSAHL_COMPILE=all pip install ...``. Instead of
+all, the variable may name decks (separated as in PATH), whose kernels are compiled.
 """
 
 import os
@@ -29,17 +30,18 @@ ALWAYS = [
 ]
 COMPILER = "numba>=0.66,<0.69"  # msahl/jit/machine_code.py extends its insides
 HAS_KERNELS = Path("msahl/kernels").is_dir()
-COMPILES = os.environ.get("MSAHL_COMPILE", "0") not in ("", "0") and not HAS_KERNELS
+COMPILED = os.environ.get("MSAHL_COMPILE", "")
 
 
 class WithKernels(build_py):
-    """Copies the modules, and compiles all kernels for this machine beside them."""
+    """Copies the modules, and compiles kernels for this machine beside them."""
 
     def run(self):
         """Build the package."""
         super().run()
         target = Path(self.build_lib).absolute() / "msahl" / "kernels"
-        command = [sys.executable, "-m", "tools.build_wheel", "--into", str(target)]
+        decks = [] if COMPILED == "all" else COMPILED.split(os.pathsep)
+        command = [sys.executable, "-m", "tools.build_wheel", "--into", str(target), *decks]
         subprocess.run(command, check=True)
 
 
@@ -52,7 +54,7 @@ def platform_tag():
 
 if HAS_KERNELS:
     setup(install_requires=ALWAYS, options={"bdist_wheel": {"plat_name": platform_tag()}})
-elif COMPILES:
+elif COMPILED:
     setup(
         install_requires=[*ALWAYS, COMPILER],
         setup_requires=[*ALWAYS, COMPILER],

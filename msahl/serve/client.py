@@ -17,7 +17,7 @@ READY, ACCEPTED, REFUSED, ENDED, KILLED = b"h", b"a", b"r", b"e", b"s"
 the signal."""
 SWITCH = "MSAHL_SERVER"
 """Variable of the environment; no server is asked where it is 0."""
-PATIENCE = 0.5
+PATIENCE = 2.0
 """Seconds in which a server says READY; one that does not is left alone."""
 ELSEWHERE = ("/dev/", "/proc/")
 """Parts of paths that mean something else in another process."""

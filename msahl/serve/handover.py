@@ -1,6 +1,6 @@
 """The part of the client that talks to a server. Like ``client``, it imports Python's core only."""
 
-import _signal
+import _signal  # type: ignore[import-not-found]
 import _socket
 import os
 import sys
@@ -64,11 +64,19 @@ def hand_over(path: str, words: list[str]) -> int | None:
     does not. Raises ``OSError`` before anything was handed over.
     """
     connection = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
-    connection.settimeout(PATIENCE)
-    connection.connect(path)
-    if peer(connection)[1] != os.geteuid() or connection.recv(1) != READY:
-        return None
-    connection.settimeout(None)
+    try:
+        connection.settimeout(PATIENCE)
+        connection.connect(path)
+        if peer(connection)[1] != os.geteuid() or connection.recv(1) != READY:
+            return None
+        connection.settimeout(None)
+        return _ask(connection, words)
+    finally:
+        connection.close()
+
+
+def _ask(connection: _socket.socket, words: list[str]) -> int | None:
+    """Send the request to a server that is ready, and wait for the end of the command."""
     signals = Signals()
     here = os.open(".", os.O_PATH | os.O_DIRECTORY)
     files = [number for number in range(3) if _is_open(number)]
