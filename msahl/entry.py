@@ -3,7 +3,7 @@
 import os
 import sys
 
-from msahl.serve.client import ask
+from msahl.serve.client import server_for
 
 
 def main() -> None:
@@ -14,3 +14,18 @@ def main() -> None:
     from msahl.cli.main import main
 
     main()
+
+
+def ask(words: list[str]) -> int | None:
+    """Have a server carry out a command line; return its exit status, or None if there is no server
+    for it.
+    """
+    path = server_for(words)
+    if not path:
+        return None
+    try:
+        from msahl.serve.handover import hand_over
+
+        return hand_over(path, words)
+    except (OSError, ImportError):  # before anything was handed over
+        return None

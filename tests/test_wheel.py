@@ -38,7 +38,7 @@ def killed_build(number):
     folder = Path(build.stdout.readline().strip())
     assert (folder / "large").is_file()
     build.send_signal(number)
-    build.communicate()
+    build.communicate(timeout=120)
     return folder
 
 
@@ -71,6 +71,7 @@ def test_the_folder_of_a_build_under_way_is_left_alone(place):
 
 HOLD = """
 import sys, time
+from msahl.locks import lock
 with open(sys.argv[1], "wb") as file:
     lock(file.fileno())
     print(flush=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from msahl.serve.server import Server
 
 PATIENCE = 10.0
-"""Seconds in which a server ends that is told to."""
+"""Seconds in which a server ends on request."""
 
 
 @click.command(short_help="Keep the program in memory, for commands that start in milliseconds.")

@@ -1,4 +1,4 @@
-"""Hands a command over to a server, if one runs; see ``msahl serve``.
+"""Finds the server of ``msahl serve``, if one runs, and states what passes between them.
 
 This is imported at every start, so it needs nothing but modules that are part of Python's core.
 
@@ -13,8 +13,8 @@ import sys
 SERVED = frozenset({"check", "equilibrium", "explain", "inverse", "kinematics", "run", "schema"})
 """Commands that a server carries out: those that can be short, and need one thread."""
 READY, ACCEPTED, REFUSED, ENDED, KILLED = b"h", b"a", b"r", b"e", b"s"
-"""What the client is told; ACCEPTED is followed by the process, ENDED by the exit status, KILLED by
-the signal."""
+"""Answers to a client; ACCEPTED is followed by the process, ENDED by the exit status, KILLED by the
+signal."""
 SWITCH = "MSAHL_SERVER"
 """Variable of the environment; no server is asked where it is 0."""
 PATIENCE = 2.0
@@ -41,20 +41,14 @@ def is_own(path: str) -> bool:
     return found.st_mode & 0o170077 == 0o040000 and found.st_uid == os.geteuid()
 
 
-def ask(words: list[str]) -> int | None:
-    """Have a server carry out a command line; return its exit status, or None if there is no server
-    for it.
-    """
+def server_for(words: list[str]) -> str:
+    """Return the socket of a server that may carry out a command line; empty if there is none."""
     if len(words) < 2 or words[1] not in SERVED or sys.platform != "linux":
-        return None
+        return ""
     if os.environ.get(SWITCH) == "0" or any(part in word for word in words for part in ELSEWHERE):
-        return None
+        return ""
     try:
         path = socket_path()
-        if not is_own(folder()) or not os.path.exists(path):
-            return None
-        from msahl.serve.handover import hand_over
-
-        return hand_over(path, words)
-    except (OSError, ImportError):  # before anything was handed over
-        return None
+        return path if is_own(folder()) and os.path.exists(path) else ""
+    except OSError:
+        return ""

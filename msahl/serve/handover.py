@@ -25,7 +25,7 @@ class Signals:
         self.before = {number: _signal.getsignal(number) for number in PASSED}
 
     def ignored(self) -> list[int]:
-        """Return the signals that this process was told to ignore, as by nohup."""
+        """Return the signals that this process ignores since its start, as by nohup."""
         return [number for number, way in self.before.items() if way == _signal.SIG_IGN]
 
     def catch(self) -> None:

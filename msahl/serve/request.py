@@ -1,4 +1,4 @@
-"""What a client tells a server: the command line, and all that a process inherits from its caller.
+"""What a client sends to a server: the command line, and what a process inherits from its caller.
 
 A request is its length in four bytes and fields that end with a zero byte, which neither words nor
 variables of the environment can contain. Open files and the working folder come beside it, as

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from msahl.entry import ask
 from msahl.serve import client
 from tests.support.models import ROOT
 
@@ -240,13 +241,13 @@ def test_a_limit_is_taken_over(runtime, tmp_path):
 
 
 def test_large_output_and_a_reader_that_has_seen_enough(runtime, tmp_path):
-    """More than a pipe holds: a line for each of many faults."""
-    body = "<rigidBody><name>B{}</name><mass>-1</mass></rigidBody>"
-    bodies = "".join(body.format(k) for k in range(1000))
+    """A line for each of many faults, 60 kB."""
+    body = "<rigidBody><name>{}</name><mass>-1</mass></rigidBody>"
+    bodies = "".join(body.format(f"B{k}" * 300) for k in range(200))
     (tmp_path / "deck.xml").write_text(f"<data><system><bodies>{bodies}</bodies></system></data>")
     served = call("check", "deck.xml", cwd=tmp_path)
     assert served == alone("check", "deck.xml", cwd=tmp_path)
-    assert len(served[1] + served[2]) > 1 << 16
+    assert len(served[1] + served[2]) > 60_000
     for program in (SERVED, ("env", "MSAHL_SERVER=0", *MSAHL)):
         line = f"{shlex.join(program)} check deck.xml 2>&1 | head -c 10; echo ${{PIPESTATUS[0]}}"
         found = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, check=True)
@@ -288,9 +289,9 @@ def test_another_environment_is_not_served(runtime, tmp_path):
 
 
 def test_files_of_the_process_itself_are_not_served():
-    assert client.ask(["msahl", "check", "/dev/fd/3"]) is None
-    assert client.ask(["msahl", "sweep", "deck.xml"]) is None
-    assert client.ask(["msahl"]) is None
+    assert ask(["msahl", "check", "/dev/fd/3"]) is None
+    assert ask(["msahl", "sweep", "deck.xml"]) is None
+    assert ask(["msahl"]) is None
 
 
 # Without a server -------------------------------------------------------------------------------
@@ -309,7 +310,7 @@ def test_a_dead_server_is_passed_over(place):
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(str(place))
     listener.close()
-    assert client.ask(["msahl", "schema"]) is None
+    assert ask(["msahl", "schema"]) is None
 
 
 def test_a_silent_server_is_passed_over(place, monkeypatch):
@@ -317,7 +318,7 @@ def test_a_silent_server_is_passed_over(place, monkeypatch):
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(str(place))
     listener.listen()
-    assert client.ask(["msahl", "schema"]) is None
+    assert ask(["msahl", "schema"]) is None
     listener.close()
 
 
@@ -325,13 +326,13 @@ def test_a_silent_server_is_passed_over(place, monkeypatch):
 def test_a_folder_that_others_can_enter_is_not_trusted(place, mode):
     place.parent.chmod(mode)
     place.touch()
-    assert client.ask(["msahl", "schema"]) is None
+    assert ask(["msahl", "schema"]) is None
 
 
 def test_a_folder_of_another_user_is_not_trusted(place, monkeypatch):
     place.touch()
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
-    assert client.ask(["msahl", "schema"]) is None
+    assert ask(["msahl", "schema"]) is None
 
 
 def test_the_socket_of_another_user_is_refused(place, monkeypatch):
@@ -339,7 +340,7 @@ def test_the_socket_of_another_user_is_refused(place, monkeypatch):
     listener.bind(str(place))
     listener.listen()
     monkeypatch.setattr("msahl.serve.handover.peer", lambda connection: (1, os.geteuid() + 1))
-    assert client.ask(["msahl", "schema"]) is None
+    assert ask(["msahl", "schema"]) is None
     listener.close()
 
 
