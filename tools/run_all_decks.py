@@ -1,6 +1,6 @@
 """Run every deck of an installed package without compiling, in the environment that this runs in.
 
-    python run_all_decks.py [COMMAND OPTION...]
+    python run_all_decks.py [OPTION...]
 
 It imports nothing of the package, so it shows what a user has. Options are those of ``msahl run``.
 Fails if numba can be imported, if a run ends by other than a verdict, or if it compiled anything:
@@ -32,7 +32,8 @@ def main() -> None:
 def _runs(deck: Path, place: Path) -> bool:
     """Run a deck for a moment of its time; whether that ends with a verdict."""
     command = [sys.executable, "-c", "from msahl.entry import main; main()", "run", str(deck), "-q"]
-    options = ["--t-final", "0.05", "-o", str(place / "results"), *sys.argv[1:]]
+    folder = place / deck.parent.name / deck.stem
+    options = ["--t-final", "0.05", "-o", str(folder), *sys.argv[1:]]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(place / "cache")}
     done = subprocess.run([*command, *options], env=environment, cwd=place, check=False)
     if done.returncode not in (0, 1):  # PASS or WARN, FAIL
