@@ -56,7 +56,9 @@ def start_worker(module: str, variables: Mapping[str, str] | None = None) -> "Po
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**(variables or {}), **environment()},
-        start_new_session=True,  # an interruption by the terminal is for this process alone
+        # An interruption by the terminal is for this process alone, on Unix and on Windows.
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
     )
 
 

@@ -171,10 +171,13 @@ class RunCommand:
         if started is None:
             say(f"{self.deck}: the run in {shown_path(self.folder)} is complete")
             return 0
+        from msahl.jit.announced import announced
+
         with stoppable() as stopped:
             report = self._simulate(*started, stopped)
             if self.gradients and report.status == "completed":
-                self.gradients.compute(report)
+                with announced(not self.quiet):
+                    self.gradients.compute(report)
             status = self._close(started[0], report, stopped)
             if self.gradients and self.gradients.found is None:
                 status = status or NOT_CONVERGED

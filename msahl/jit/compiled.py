@@ -34,6 +34,8 @@ Call = tuple[Any, Sequence[Any]]
 """A compiled function and the arguments of a call."""
 
 STORE = Store(user_folder())
+LOADED: list[Unit] = []
+"""What was asked for in this process, and loaded or compiled."""
 _loaded: dict[str, ObjectFile] = {}
 _loading = Lock()
 """Code is loaded, or compiled, by one thread at a time: twice the same would be refused."""
@@ -134,8 +136,6 @@ def _loads(units: list[Unit], stopped: Callable[[], bool]) -> bool:
     """Load the code of ``units``; return whether they have code of ours."""
     if all(symbol_of(*unit) in _loaded for unit in units):
         return True
-    from msahl.jit.loading import load
-
     files = Files(STORE)
     found: dict[str, ObjectFile] = {}
     if not _collect(files, map(name_of, units), found):
@@ -145,10 +145,25 @@ def _loads(units: list[Unit], stopped: Callable[[], bool]) -> bool:
         _build(files, units, found, stopped)
         complete = _collect(files, map(name_of, units), found)
         assert complete, "a kernel was compiled, but not found"
-    load(code.code for code in found.values())
-    _loaded.update(found)
+    _take(found)
+    LOADED.extend(units)
     source_table().save()
     return True
+
+
+def _take(found: dict[str, ObjectFile]) -> None:
+    from msahl.jit.loading import load
+
+    load(code.code for code in found.values())
+    _loaded.update(found)
+
+
+def load_in_advance(names: Iterable[Name]) -> None:
+    """Load the code of kernels by their names, if it is on disk."""
+    found: dict[str, ObjectFile] = {}
+    with _loading:
+        if _collect(Files(STORE), names, found) and found:
+            _take(found)
 
 
 def on_disk(calls: Iterable[Call]) -> bool:
