@@ -48,8 +48,8 @@ def plainly_possible(mass: np.ndarray, J: np.ndarray, scale: np.ndarray) -> np.n
     limits. ``mass`` (n,), ``J`` (n, 3, 3), ``scale`` (n,) as in ``body_findings``."""
     finite = np.isfinite(J).all(axis=(1, 2))
     smallest, middle, largest = np.linalg.eigvalsh(np.where(finite[:, None, None], J, 0.0)).T
-    room = smallest + middle - largest > -0.5 * TRIANGLE * scale
-    return (mass > 0.0) & finite & (smallest > 1e-6 * scale) & room
+    margin = smallest + middle - largest > -0.5 * TRIANGLE * scale
+    return (mass > 0.0) & finite & (smallest > 1e-6 * scale) & margin
 
 
 def impossible(J: Matrix, scale: float | None = None) -> str:
