@@ -41,8 +41,8 @@ def read_ends(element: Element, reader: Reader) -> Ends:
 def _end(element: Element, side: str, reader: Reader) -> tuple[str, Vector]:
     end = element.find(side)
     assert end is not None  # the schema requires it
-    name = text(end.find("name"))
-    if name not in reader.context.axes:
+    name = reader.name(end)
+    if not reader.is_known(name):
         return name, ZERO
     return name, reader.vector(end.find("position"), own=name, wanted=name)
 

@@ -107,6 +107,11 @@ class Faults:
         """Mark ``element`` as not sound, for a fault that is not its own."""
         self._touched.update((element, *element.iterancestors()))
 
+    @property
+    def none(self) -> bool:
+        """Whether nothing was found so far."""
+        return not (self._found or self._touched)
+
     def own(self, element: Element) -> bool:
         """Return whether ``element`` itself has a fault, not only something inside it."""
         return element in self._own

@@ -56,10 +56,11 @@ def check_references(root: Element, tags: Collection[str], reader: Reader) -> No
 def _names_at(root: Element, paths: Sequence[str]) -> set[str]:
     """Return the texts of all elements at the ``paths`` and of all attributes ``basis``."""
     # XPath is evaluated by libxml2, and ``iterfind`` by Python.
-    labels = (cast(list[Element], root.xpath(path)) for path in paths)
-    texts = {label.text or "" for found in labels for label in found}
+    wanted = [f"{path}/text()" for path in paths]
     if paths is BODIES:
-        texts.update(cast(list[str], root.xpath("system//@basis", smart_strings=False)))
+        wanted.append("system/descendant::*/@basis")
+    found = (cast(list[str], root.xpath(path, smart_strings=False)) for path in wanted)
+    texts = set(chain.from_iterable(found))
     return set(map(collapsed, texts))
 
 

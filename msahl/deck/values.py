@@ -119,6 +119,14 @@ class Reader:
         for place, message, at in kept:
             self.faults.add(place, message, at)
 
+    def name(self, element: Element) -> str:
+        """Return the name of a record, or the name in a part of it."""
+        return text(element.find("name"))
+
+    def is_known(self, body: str) -> bool:
+        """Return whether there is a body of that name."""
+        return body in self.context.axes
+
     def number(self, element: Element | None, quantity: str = "") -> float:
         """Return the value in SI, zero without element; numbers too large or too small to compute
         with are faults."""
@@ -210,9 +218,13 @@ class Reader:
             self.faults.add(orientation, message)
             return ZERO
         if rotation is None:
-            x, y, z = self.numbers(orientation, ("P1", "P2", "P3"))
-            return rescaled((x, y, z))
+            return self.rescaled(self.numbers(orientation, ("P1", "P2", "P3")))
         return self.rotation(rotation)
+
+    def rescaled(self, P: tuple[float, ...]) -> Vector:
+        """Return parameters within the ball |p| <= 4."""
+        x, y, z = P
+        return rescaled((x, y, z))
 
     def axes(self, orientation: Element | None) -> Matrix:
         """Return the rows x, y, z that the ``<orientation>`` of a part of a body gives."""
