@@ -85,7 +85,7 @@ def test_a_body_with_inertia_of_its_own_changes_at_most_eight_files():
     assert len(changed) + len((ROTORS, SATELLITE)) <= 8
 
 
-def test_a_gyrostat_turns_as_its_deck_says(with_rotors):
+def test_a_gyrostat_moves_as_its_deck_says(with_rotors):
     """w = 0.1 (cos 4t, sin 4t, 0) at t = 1; of order 2 its phase is wrong by (n h)^2/12 n t."""
     runs = {
         "preserving": (SECOND := "--scheme preserving", 1.4e-3),
