@@ -28,7 +28,10 @@ from msahl.model import (
     Actuator,
     Bushing,
     ConcentratedLoad,
+    JointActuator,
     JointSpring,
+    Load,
+    MarkerActuator,
     Model,
     PointLoad,
     SpringDamper,
@@ -61,6 +64,11 @@ NUMBER = "equilibrium"
 """First column of every table of equilibria."""
 PAIRS = ((2, 1), (0, 2), (1, 0))
 """Axes of parent and child whose product is a bushing's rotation about x, y and z."""
+COLUMNS: dict[type[Load], tuple[str, ...]] = {
+    **dict.fromkeys((SpringDamper, JointSpring, JointActuator, MarkerActuator), (LOAD_COLUMN,)),
+    **dict.fromkeys((ConcentratedLoad, Bushing, PointLoad), (*FORCE_COLUMNS, *MOMENT_COLUMNS)),
+}
+"""What ``loads.csv`` has of each kind of load."""
 
 
 def tables(found: list[Solution]) -> dict[str, tuple[list[str], np.ndarray]]:
@@ -134,13 +142,8 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
 
 def load_columns(model: Model) -> list[str]:
     """Header of ``loads.csv``, with the time."""
-    names = ["time"]
-    for load in model.loads:
-        if isinstance(load, SpringDamper | JointSpring | Actuator):
-            names.append(f"{load.name}.{LOAD_COLUMN}")
-        elif isinstance(load, ConcentratedLoad | Bushing | PointLoad):
-            names += [f"{load.name}.{c}" for c in (*FORCE_COLUMNS, *MOMENT_COLUMNS)]
-    return names
+    columns = ((load.name, COLUMNS.get(type(load), ())) for load in model.loads)
+    return ["time", *(f"{name}.{column}" for name, own in columns for column in own)]
 
 
 def _loads(point: Point, start: SystemWorkspace, signals: np.ndarray) -> Iterator[np.ndarray]:
