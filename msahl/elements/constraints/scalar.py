@@ -173,15 +173,15 @@ def _add_curves(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the loads by the functions' curvature: the first of the ``factors``
-    is that of the accelerations and, in size, of the multipliers in ``Z`` by mass. Over a step a
-    coefficient changes by a share of what it does at the end, of which the second factor makes up.
+    """Add the derivatives of the loads by the functions' curvature, the first of the ``factors``
+    times: ``Z`` holds as much times the multipliers by mass. The second is 1 over a step, where a
+    coefficient changes by half as much as at one configuration, and 2 there.
     """
-    rows, (factor, whole) = scalar.equations, factors
+    rows, (factor, share) = scalar.equations, factors
     for r in range(rows.function.size):
         if rows.function[r] >= 0:
             lam = multiplier(rows, frames, Z, abs(factor), r)
-            curve = whole * coefficients(rows, scalar.laws, start.coordinates, r, 1)[3]
+            curve = share * coefficients(rows, scalar.laws, start.coordinates, r, 1)[3]
             q = rows.coordinate[r, 1]
             add_spring(
                 scalar.coordinates, start.coordinates, frames, factor, q, lam * curve, values
