@@ -21,9 +21,6 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import Solution
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
-from msahl.elements.beams import instant
-from msahl.elements.reactions import write_reactions
-from msahl.formulations.absolute.rigid_body import write_states
 from msahl.model import (
     Actuator,
     Bushing,
@@ -48,6 +45,7 @@ from msahl.run.tables import (
     WORK,
     tables_of_model,
 )
+from msahl.schemes.common.workspace import write_configuration
 from msahl.system.arrays import SystemWorkspace, Tables, new_tables
 from msahl.system.collect import collect
 from msahl.system.names import (
@@ -120,23 +118,8 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
     """What the elements need of a configuration, and its row of the tables of the steppers."""
     system, state = point.system, point.state
     start, written = prepared(system, state), new_tables(system, state, 1)
-    write_states(system.bodies, state.x, state.p, start.frames, state.w, written.states, 0)
-    write_reactions(
-        system.shown, system.scalar, state.reaction, state.force, 0.0, written.reactions, 0
-    )
-    instant.write_resultants(system.beams, state.force, written.resultants, 0)
     forces.elastic_energy(system.forces, start.forces, system.scalar)
-    forces.publish_energy(system.forces, start.forces, state.work.size, written.work, 0)
-    instant.publish_energy(system.beams, start.beams, written.work, 0)
-    system_forces = system.forces
-    forces.publish_signals(
-        system_forces.signals,
-        system_forces.actuator,
-        start.forces,
-        system.scalar,
-        written.signals,
-        0,
-    )
+    write_configuration(system, state, start, (state.force, state.reaction, 0.0), written, 0)
     return start, written
 
 

@@ -114,7 +114,7 @@ def spring_entries(model: Model, body: Mapping[str, int], joints: list[Entry]) -
             axis = joints[joint]["axis"]
         else:
             continue
-        entry = {"name": load.name, "glyph": _spring_glyph(load)}
+        entry: Entry = {"name": load.name, "glyph": _spring_glyph(load)}
         for end, (number, point) in zip("ab", ends, strict=True):
             entry |= {end: number, f"{end}Point": point}
         found.append(entry | {"joint": joint, "axis": axis})
