@@ -191,7 +191,7 @@ def _elements(table):
 
 
 @every_element
-@pytest.mark.parametrize(("seed", "scheme"), zip(SEEDS, SCHEMES, strict=True))
+@pytest.mark.parametrize(("seed", "scheme"), [*zip(SEEDS, SCHEMES, strict=True)])
 def test_the_jacobian_is_the_derivative_of_the_residual(make, seed, scheme):
     rng = np.random.default_rng(seed)
     step = Step(with_scheme(make(rng), scheme), reaction=lambda shape: rng.normal(size=shape))
