@@ -41,6 +41,7 @@ ORDER = (
     "analysis",
     "post",
     "study",
+    "importers",
     "api",
     "sweep",
     "cli",

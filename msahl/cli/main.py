@@ -17,7 +17,7 @@ from msahl.terminal import Program
 from msahl.version import VERSION
 
 COMMANDS = (
-    "check", "compile", "equilibrium", "explain", "inverse", "kinematics", "linearize", "modes",
+    "check", "compile", "equilibrium", "explain", "import", "inverse", "kinematics", "linearize", "modes",
     "new", "run", "schema", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module ``msahl.cli`` of its name."""
