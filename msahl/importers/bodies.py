@@ -56,7 +56,7 @@ def parts_of(robot: Robot, options: ImportOptions, names: Names, log: Log) -> Pa
     ground = Part(names.unique(GROUND), None)
     parts = Parts({ground.name: ground}, {"": (ground.name, HERE)})
     for link in robot.links.values():
-        _add(link, parts, options, names)
+        _add(link, parts, options, names, log)
     for part in parts.bodies.values():
         if part.link is not None:
             _check(part, part.link, robot, options, log)
@@ -64,7 +64,7 @@ def parts_of(robot: Robot, options: ImportOptions, names: Names, log: Log) -> Pa
     return parts
 
 
-def _add(link: Link, parts: Parts, options: ImportOptions, names: Names) -> None:
+def _add(link: Link, parts: Parts, options: ImportOptions, names: Names, log: Log) -> None:
     """Make a body of a link, or a part of the body of its parent."""
     holder, outer = parts.places[link.parent]
     pose = outer.after(link.pose)
@@ -78,6 +78,8 @@ def _add(link: Link, parts: Parts, options: ImportOptions, names: Names) -> None
     else:
         part, inner = parts.bodies[holder], pose
         part.frames.append((link.name, pose))
+        if part.link is None and link.inertia.mass:
+            log.changed(link.element, "it is fixed to the ground, which has no mass")
     parts.places[link.name] = (part.name, inner)
     if link.inertia.mass:
         part.inertias.append(link.inertia.seen_from(inner))

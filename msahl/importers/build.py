@@ -41,7 +41,9 @@ def build(robot: Robot, options: ImportOptions, log: Log) -> Built:
     parts = parts_of(robot, options, body_names, log)
     ground = next(iter(parts.bodies))
     if len(parts.bodies) == 1:
-        log.stop(root_of(robot), "nothing in it moves: all links are fixed to the ground" + FLOAT)
+        root = root_of(robot)
+        remedy = FLOAT if root.tag == "robot" else "; give one of them a joint"
+        log.stop(root, f"nothing in it moves: all links are fixed to the ground{remedy}")
     made = Made(ground, Names(), body_names)
     for part in parts.bodies.values():
         if part.link is not None:
@@ -143,12 +145,17 @@ def _add_free(
 
 def world_pose(link: Link, robot: Robot, at_start: bool = True) -> Pose:
     """Return where a link is at t = 0, or at its own pose and those of all its parents."""
-    pose = link.pose
-    for axis in link.axes if at_start else ():
-        pose = axis.placed if axis.kind == "free" else pose.after(motion(axis))
-    if link.parent and not (at_start and any(axis.kind == "free" for axis in link.axes)):
-        pose = world_pose(robot.links[link.parent], robot, at_start).after(pose)
-    return pose
+    pose = HERE
+    while True:
+        own = link.pose
+        for axis in link.axes if at_start else ():
+            if axis.placed is not None:
+                return axis.placed.after(pose)
+            own = own.after(motion(axis))
+        pose = own.after(pose)
+        if not link.parent:
+            return pose
+        link = robot.links[link.parent]
 
 
 def _close(closure: Closure, parts: Parts, robot: Robot, made: Made) -> None:

@@ -40,6 +40,8 @@ def _use_references(element: Element) -> None:
         x, _, z = np.array((frame.text or "").split(), dtype=float).reshape(3, 3)
         end = frame.getparent()
         assert end is not None
+        for reference in end.findall("reference"):
+            end.remove(reference)
         vector(end, "axis", plain_vector(z))
         vector(end, "reference", plain_vector(x))
         end.remove(frame)

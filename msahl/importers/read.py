@@ -14,15 +14,15 @@ from msahl.deck.source import Source
 from msahl.importers.build import build
 from msahl.importers.deck_text import deck_text
 from msahl.importers.meshes import MeshFiles
+from msahl.importers.mjcf import read_mjcf
+from msahl.importers.mjcf_files import FOREIGN_ATTRIBUTES
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, Note
 from msahl.importers.robot import Axis, Robot
 from msahl.importers.urdf import read_urdf
 
-FORMATS = {"robot": "URDF"}
+FORMATS = {"robot": "URDF", "mujoco": "MJCF"}
 """Formats by the tag of the root."""
-FOREIGN_ATTRIBUTES = 64
-"""Attributes accepted in an element of a foreign file: joints of MJCF have up to 26."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,10 @@ def _imported(
     folders = (path.parent, *options.packages)
     copied = f"{target.name.partition('.')[0]}_meshes" if options.copy_meshes else ""
     meshes = MeshFiles(folders, target.parent, copied)
-    robot = read_urdf(root, options, meshes, log)
+    if root.tag == "robot":
+        robot = read_urdf(root, options, meshes, log)
+    else:
+        robot = read_mjcf(root, path, options, meshes, log)
     _set_pose(root, robot, options, log)
     _follow(robot)
     log.raise_if_any()

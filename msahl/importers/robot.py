@@ -104,10 +104,11 @@ class Axis:
     armature: float = 0.0
     driven: bool = False
     """Whether an actuator or a relation refers to it."""
-    placed: Pose = HERE
-    """Of a free joint: where the link is at t = 0, inertial axes."""
+    placed: Pose | None = None
+    """Of a free joint: where the link is at t = 0, inertial axes; None: at its pose."""
     velocity: tuple[np.ndarray, np.ndarray] = (HERE.p, HERE.p)
-    """Of a free joint: velocity [m/s] in inertial axes, angular velocity [rad/s] in the link's."""
+    """Of a free joint: velocity [m/s] in inertial axes, angular velocity [rad/s] in the link's;
+    of a ball the latter alone."""
 
     @property
     def coordinate(self) -> str:
