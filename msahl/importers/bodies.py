@@ -18,9 +18,10 @@ from msahl.importers.robot import HERE, Inertia, Link, Look, Pose, Robot, togeth
 
 GROUND = "Ground"
 SHARE = 1e-9
-"""Mass of a body that stands for none, as a share of all masses: what it changes is as small."""
+"""Inertia of a body that stands for none, as a share of that of the link it carries, from which it
+is taken: what it changes in the motion is of this size. Smaller shares cost more in round-off."""
 RADIUS = 0.1
-"""Radius of gyration [m] of such a body."""
+"""Radius of gyration [m] of such a body where no link determines it."""
 
 
 @dataclass
@@ -93,7 +94,7 @@ def _check(part: Part, link: Link, robot: Robot, options: ImportOptions, log: Lo
     """Add a fault for a body that has no mass or an impossible inertia, or repair the former."""
     inertia = part.inertia
     if not inertia.mass > 0.0:
-        tiny = tiny_inertia(robot, HERE.p)
+        tiny = tiny_inertia(robot)
         words = f"{tiny.mass:.3g} kg, {SHARE:g} of all masses"
         if not options.repair:
             log.fault(link.element, f"it moves and has no mass; --repair gives it {words}")
@@ -106,7 +107,19 @@ def _check(part: Part, link: Link, robot: Robot, options: ImportOptions, log: Lo
         log.fault(link.element, f"{complaint.partition(':')[0]} are impossible; {REPAIR}")
 
 
-def tiny_inertia(robot: Robot, point: np.ndarray) -> Inertia:
-    """Return the inertia of a body that stands for none, with its mass centre at a ``point``."""
+def carrier(link: Inertia, point: np.ndarray) -> Inertia:
+    """Return the inertia of a body that stands for none between two joints of a link: with its mass
+    centre at a ``point``, and compact."""
+    largest = float(np.linalg.eigvalsh(link.J).max())
+    return Inertia(SHARE * link.mass, point, SHARE * largest * np.eye(3))
+
+
+def without(link: Inertia, carriers: int) -> Inertia:
+    """Return the inertia of a link from which that of its ``carriers`` is taken."""
+    return link._replace(mass=link.mass * (1.0 - carriers * SHARE))
+
+
+def tiny_inertia(robot: Robot) -> Inertia:
+    """Return the inertia of a link that has none, by the masses of all."""
     mass = SHARE * (sum(link.inertia.mass for link in robot.links.values()) or 1.0)
-    return Inertia(mass, point, mass * RADIUS**2 * np.eye(3))
+    return Inertia(mass, HERE.p, mass * RADIUS**2 * np.eye(3))

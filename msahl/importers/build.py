@@ -9,7 +9,7 @@ from msahl.algebra.rotation_arrays import parameters, plain_vector
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix
 from msahl.check.directions import clean
 from msahl.deck.faults import Element
-from msahl.importers.bodies import Part, Parts, parts_of, tiny_inertia
+from msahl.importers.bodies import Part, Parts, carrier, parts_of, tiny_inertia, without
 from msahl.importers.inertia import matrix
 from msahl.importers.joints import Ends, Start, groups, motion, placed, rigid
 from msahl.importers.loads import Along, Made, add_drive, add_forces, add_relation
@@ -51,7 +51,7 @@ def build(robot: Robot, options: ImportOptions, log: Log) -> Built:
     for closure in robot.closures:
         _close(closure, parts, robot, made)
     add_forces(made, options, log)
-    tiny = tiny_inertia(robot, HERE.p)
+    tiny = tiny_inertia(robot)
     for relation in robot.relations:
         add_relation(relation, made, float(tiny.J[0, 0]), log)
     for drive in robot.drives:
@@ -101,7 +101,8 @@ def _add_body(part: Part, link: Link, parts: Parts, robot: Robot, made: Made) ->
         last = number == len(found) - 1
         child = part.name if last else made.body_names.unique(f"{group[-1].name} carrier")
         if not last:
-            made.bodies.append(_body(child, tiny_inertia(robot, found[number + 1][0].point)))
+            point = found[number + 1][0].point
+            made.bodies.append(_body(child, carrier(part.inertia, point)))
         ends = Ends(made.names.unique(group[0].name), parent, child, pose)
         joint, start, coordinates = placed(group, ends)
         _add_joint(joint, start, made)
@@ -110,7 +111,7 @@ def _add_body(part: Part, link: Link, parts: Parts, robot: Robot, made: Made) ->
                 place = Along(axis, joint.name, coordinates[axis.name], start)
                 made.along[axis.name] = place
         parent, pose = child, HERE
-    made.bodies.append(_body(part.name, part.inertia))
+    made.bodies.append(_body(part.name, without(part.inertia, len(found) - 1)))
 
 
 def _add_joint(joint: Joint, start: Start, made: Made) -> None:

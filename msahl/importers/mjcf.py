@@ -32,6 +32,7 @@ COMPILER = (
     "boundinertia", "settotalmass", "fusestatic", "discardvisual", "usethread", "convexhull",
     "fitaabb", "alignfree", "saveinertial", "exactmeshinertia",
 )  # fmt: skip
+EXACT = "MuJoCo's equality is soft; here it is exact"
 FORCES = ("wind", "density", "viscosity")
 """Options of forces of a fluid."""
 
@@ -130,6 +131,7 @@ def _read_relation(element: Element, tree: Tree, robot: Robot, log: Log) -> None
     else:
         offset = y.zero + a[0] - a[1] * x.zero
         robot.relations.append(Relation(x.name, y.name, a[1], offset, element))
+        log.changed(element, EXACT)
 
 
 def _read_closure(element: Element, tree: Tree, robot: Robot, log: Log) -> None:
@@ -151,6 +153,7 @@ def _read_closure(element: Element, tree: Tree, robot: Robot, log: Log) -> None:
             return
     name = attribute(element, "name") or f"{links[1]} to {links[0]}"
     robot.closures.append(Closure(name, kind, (links[0], links[1]), poses, element))
+    log.changed(element, EXACT)
 
 
 def _sides(

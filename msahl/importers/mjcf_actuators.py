@@ -91,13 +91,14 @@ def _control(element: Element, settings: Settings, log: Log) -> tuple[float, str
 
 def _force(g: list[float], b: list[float], gear: float, u: str) -> str:
     """Return the expression of f."""
-    scales = ("", f"*{gear!r}*{{q}}", f"*{gear!r}*{{v}}")
+    factor = "" if gear == 1.0 else f"*{gear!r}"
+    scales = ("", f"{factor}*{{q}}", f"{factor}*{{v}}")
     gains = [f"{k!r}{s}" for k, s in zip(g, scales, strict=True) if k]
     terms = [f"({' + '.join(gains)})*{u}"] if gains else []
-    if g == [1.0, 0.0, 0.0]:
-        terms = [u]
-    terms += [f"({k!r}){s}" for k, s in zip(b, scales, strict=True) if k]
-    return " + ".join(terms) or "0"
+    if g[1:] == [0.0, 0.0] and g[0]:
+        terms = [u if g[0] == 1.0 else f"{g[0]!r}*{u}"]
+    terms += [f"{k!r}{s}" for k, s in zip(b, scales, strict=True) if k]
+    return " + ".join(terms).replace("+ -", "- ") or "0"
 
 
 def _clamped(element: Element, force: str, settings: Settings, log: Log) -> str:

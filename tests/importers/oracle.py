@@ -18,7 +18,7 @@ EXPECTED = Path(__file__).with_name("expected.json")
 POSES, SEED, STEP, TIMES = 20, 20, 2.5e-4, (0.5, 1.0, 2.0)
 AMPLITUDE = 0.4
 """Largest coordinate [rad, m] and rate [rad/s, m/s] at the start of a fall."""
-FILES = [ROOT / "examples" / "arm.urdf"]
+FILES = [ROOT / "examples" / name for name in ("arm.urdf", "leg.xml")]
 KEPT_BY_MUJOCO = ("link", "joint")
 
 
@@ -73,7 +73,8 @@ def reference(path):
         centre = mass @ data.xipos / mass.sum()
         for found, value in zip((poses, centres, matrices), (data.qpos, centre, M), strict=True):
             found.append(value.tolist())
-    q, v = random.uniform(-AMPLITUDE, AMPLITUDE, (2, model.nv))
+    q, v = model.qpos0, 0.0 * model.qpos0
+    q, v = (a + random.uniform(-AMPLITUDE, AMPLITUDE, model.nv) for a in (q, v))
     mujoco.mj_resetData(model, data)
     data.qpos[:], data.qvel[:] = q, v
     mujoco.mj_forward(model, data)
