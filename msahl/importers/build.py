@@ -111,7 +111,7 @@ def _add_body(part: Part, link: Link, parts: Parts, robot: Robot, made: Made) ->
                 place = Along(axis, joint.name, coordinates[axis.name], start)
                 made.along[axis.name] = place
         parent, pose = child, HERE
-    made.bodies.append(_body(part.name, without(part.inertia, len(found) - 1)))
+    made.bodies.append(_body(part.name, without(part.inertia, max(0, len(found) - 1))))
 
 
 def _add_joint(joint: Joint, start: Start, made: Made) -> None:
@@ -125,9 +125,7 @@ def _body(name: str, inertia: Inertia) -> RigidBody:
     return RigidBody(name, inertia.mass, plain_vector(inertia.c), matrix(inertia.J), *zero)
 
 
-def _add_free(
-    part: Part, link: Link, pose: Pose, parts: Parts, robot: Robot, made: Made
-) -> None:
+def _add_free(part: Part, link: Link, pose: Pose, parts: Parts, robot: Robot, made: Made) -> None:
     """Add a body without joints, where it is at t = 0."""
     axis = link.axes[0]
     place = world_pose(link, robot).after(parts.places[link.name][1])
@@ -161,14 +159,12 @@ def world_pose(link: Link, robot: Robot, at_start: bool = True) -> Pose:
 
 def _close(closure: Closure, parts: Parts, robot: Robot, made: Made) -> None:
     """Add a joint that closes a loop; coordinates of the joints within it become approximate."""
-    ends, points, axes = [], [], []
-    for name, pose in zip(closure.links, closure.poses, strict=True):
-        body, place = parts.places[name]
-        ends.append(body)
-        points.append(plain_vector(place.after(pose).p))
-        axes.append(matrix_rows(place.after(pose).R.T))
+    (parent, outer), (child, inner) = (parts.places[name] for name in closure.links)
+    here, there = outer.after(closure.poses[0]), inner.after(closure.poses[1])
+    points = plain_vector(here.p), plain_vector(there.p)
+    frames = matrix_rows(here.R.T), matrix_rows(there.R.T)
     name = made.names.unique(closure.name)
-    made.joints.append(Joint(name, closure.kind, *ends, *points, *axes))
+    made.joints.append(Joint(name, closure.kind, parent, child, *points, *frames))
     for axis in loop_axes(closure.links, robot):
         if axis.name in made.along:
             made.along[axis.name].start.approximate = True
@@ -211,5 +207,3 @@ def _shape(body: str, look: Look) -> Shape:
     axes = IDENTITY if look.kind == "sphere" else matrix_rows(look.pose.R.T)
     position = plain_vector(look.pose.p)
     return Shape(body, look.kind, look.size, position, axes, look.colour, look.file)
-
-

@@ -11,14 +11,14 @@ from msahl.deck.joint_start import QUANTITIES
 from msahl.deck.write_model import write_deck
 from msahl.importers.build import Built
 from msahl.importers.joints import Start
+from msahl.joints.registry import KINDS
 
 COMMENT = "{kind} {name}, imported from {file} by msahl import.\n\n  {words}\n"
 PLACED = "The initialConditions of joints place the bodies and set them in motion."
 
 
 def deck_text(built: Built, kind: str, file: str) -> bytes:
-    """Return the deck of a model whose joints have starts; ``kind`` and ``file`` name its source.
-    """
+    """Return the deck of a model whose joints have starts, made of a ``file`` of a ``kind``."""
     root = etree.fromstring(write_deck(built.model))
     for element in root.iterfind("system/joints/*"):
         name = element.find("name")
@@ -36,15 +36,17 @@ def deck_text(built: Built, kind: str, file: str) -> bytes:
 def _use_references(element: Element) -> None:
     """Give a joint axis and reference of each end in place of its frame, from which coordinates do
     not count: frames have to be parallel where the bodies are placed."""
-    for frame in element.iterfind("*/frame"):
+    for frame in element.findall("*/frame"):
         x, _, z = np.array((frame.text or "").split(), dtype=float).reshape(3, 3)
         end = frame.getparent()
         assert end is not None
+        end.remove(frame)
+        if not KINDS[str(element.tag)].axes:
+            continue
         for reference in end.findall("reference"):
             end.remove(reference)
         vector(end, "axis", plain_vector(z))
         vector(end, "reference", plain_vector(x))
-        end.remove(frame)
 
 
 def strip(root: Element) -> None:

@@ -108,8 +108,8 @@ def _several(group: Sequence[Axis], ends: Ends) -> Placed:
     for values in (start.values, start.rates):
         if "slide2" in values:
             values["slide2"] *= sign
-    names = {slides[0].name: "slide1", hinge.name: "angle"}
-    return Placed(joint, start, names | ({slides[1].name: "slide2"} if sign > 0.0 else {}))
+    found = {slides[0].name: "slide1", hinge.name: "angle"}
+    return Placed(joint, start, found | ({slides[1].name: "slide2"} if sign > 0.0 else {}))
 
 
 def _start(group: Sequence[Axis], names: Sequence[str]) -> Start:
@@ -128,8 +128,8 @@ def _joint(
     point: np.ndarray,
     reference: np.ndarray | None = None,
 ) -> Joint:
-    """Return a joint along or about an axis: at the link's pose the axis has the value ``zero``, and
-    the parent's point is ``point`` of the link's frame."""
+    """Return a joint along or about an axis: at the link's pose the axis has the value ``zero``,
+    and the parent's point is ``point`` of the link's frame."""
     pose = ends.pose
     z = unit(_vector(axis.axis))
     there = frame(z, None if reference is None else unit(_vector(reference)))
@@ -166,10 +166,8 @@ def motion(axis: Axis) -> Pose:
     """Return where an axis takes its link at t = 0, from the link's pose."""
     if axis.kind == "slide":
         return Pose(np.eye(3), (axis.value - axis.zero) * axis.axis)
-    if axis.kind == "hinge":
-        R = about(axis.axis, axis.value - axis.zero)
-    else:
-        R = axis.rotated
+    is_hinge = axis.kind == "hinge"
+    R = about(axis.axis, axis.value - axis.zero) if is_hinge else axis.rotated
     return Pose(R, axis.point - R @ axis.point)
 
 

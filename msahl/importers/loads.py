@@ -162,5 +162,3 @@ def add_drive(drive: Drive, made: Made, log: Log) -> None:
     text = drive.expression.format(**values)
     name = drive.name if drive.name != drive.joint else f"{drive.name} actuator"
     _add_actuator(name, place, text, made)
-
-

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-
 from msahl.check.shapes import FILES
 from msahl.deck.faults import DeckError, Element
 from msahl.importers.reading import Log, numbers
@@ -34,9 +33,7 @@ class MeshFiles:
     copies: dict[str, Path] = field(default_factory=dict)
     _read: dict[Path, Mesh | str] = field(default_factory=dict)
 
-    def look(
-        self, element: Element, file: str, pose: Pose, colour: str, log: Log
-    ) -> list[Look]:
+    def look(self, element: Element, file: str, pose: Pose, colour: str, log: Log) -> list[Look]:
         """Return the shape of an element that names the ``file`` of a mesh; none, with a note, if
         a deck cannot show it."""
         scale = numbers(element, "scale", log, (1.0, 1.0, 1.0))
@@ -95,7 +92,9 @@ class MeshFiles:
             return None
         path = self.copies.get(look.file, self.target.resolve() / look.file)
         mesh = self._mesh(path)
-        return None if isinstance(mesh, str) else mesh._replace(vertices=mesh.vertices * look.size[0])
+        return (
+            None if isinstance(mesh, str) else mesh._replace(vertices=mesh.vertices * look.size[0])
+        )
 
     def _mesh(self, path: Path) -> Mesh | str:
         """Return the triangles of a file, or why they cannot be read."""
@@ -125,5 +124,3 @@ def _remedy(file: str) -> str:
     if file.startswith(SCHEMES[:2]) and parts:
         return f"give the folder that has '{parts[0]}' by --packages"
     return "give its folder by --packages"
-
-

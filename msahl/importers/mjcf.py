@@ -1,4 +1,4 @@
-"""Reader of MJCF: a ``<mujoco>`` model with classes of defaults, included files and a tree of bodies.
+"""Reader of MJCF: a ``<mujoco>`` model with default classes, included files, a tree of bodies.
 
 MuJoCo's equalities are soft; here they are exact.
 """
@@ -74,7 +74,7 @@ def _note_sections(root: Element, log: Log) -> None:
         if element.tag not in ASSETS:
             log.lost(element, "msahl has no such element")
     for compiler in root.iterfind("compiler"):
-        for name in compiler.attrib:
+        for name in map(str, compiler.attrib):
             if name not in COMPILER:
                 log.lost(compiler, f"its {name}")
     for option in root.iterfind("option"):
@@ -135,7 +135,7 @@ def _read_relation(element: Element, tree: Tree, robot: Robot, log: Log) -> None
 
 
 def _read_closure(element: Element, tree: Tree, robot: Robot, log: Log) -> None:
-    """Read a ``<connect>`` or ``<weld>``: it holds at the pose of the file."""
+    """Read a ``<connect>`` or ``<weld>``: it is satisfied at the pose of the file."""
     found = _sides(element, tree, log)
     if found is None:
         return
@@ -147,10 +147,9 @@ def _read_closure(element: Element, tree: Tree, robot: Robot, log: Log) -> None:
         there = zero[0].after(point)
         poses = point, zero[1].inverse().after(there)
     kind = {"connect": "spherical", "weld": "rigid"}[str(element.tag)]
-    if kind == "rigid" and any(n in element.attrib for n in ("relpose", "torquescale")):
-        if any(several(element, "relpose", log, 7)[3:]):
-            log.lost(element, "a weld with a relpose of its own")
-            return
+    if kind == "rigid" and any(several(element, "relpose", log, 7)):
+        log.lost(element, "a weld with a relpose of its own")
+        return
     name = attribute(element, "name") or f"{links[1]} to {links[0]}"
     robot.closures.append(Closure(name, kind, (links[0], links[1]), poses, element))
     log.changed(element, EXACT)
@@ -187,7 +186,9 @@ def _set_keyframe(
     names = [attribute(key, "name") or str(number_) for number_, key in enumerate(keys)]
     chosen = [key for key, name in zip(keys, names, strict=True) if name == options.key]
     if options.key and not chosen:
-        log.fault(root, f"there is no keyframe '{options.key}'; those there are: {', '.join(names)}")
+        log.fault(
+            root, f"there is no keyframe '{options.key}'; those there are: {', '.join(names)}"
+        )
     for key, name in zip(keys, names, strict=True):
         if key not in chosen:
             log.lost(key, f"--key {name} starts there" if name else "it has no name")
@@ -214,5 +215,3 @@ def _apply(key: Element, tree: Tree, robot: Robot, log: Log) -> None:
         q, v = q[m:], v[n:]
     for drive, value in zip(robot.drives, several(key, "ctrl", log, 10**6), strict=False):
         drive.control = value
-
-

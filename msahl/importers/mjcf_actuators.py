@@ -1,4 +1,4 @@
-"""Actuators of MJCF that act at joints: expressions of the coordinate q, its rate v and a control u.
+"""Actuators of MJCF at joints: expressions of the coordinate q, its rate v and a control u.
 
 With the length l = gear q and its rate, a joint gets the load gear f of the actuator's force
 
@@ -50,7 +50,7 @@ def _drive(
     if reason:
         log.lost(element, reason)
         return None
-    for name in element.attrib:
+    for name in map(str, element.attrib):
         if name not in READ:
             log.lost(element, f"its {name}")
     g, b = _LAWS[str(element.tag)](element, log)

@@ -130,9 +130,7 @@ def _read_axis(element: Element, link: Link, place: Pose, class_: str, tree: Tre
     tree.axes[name] = axis
 
 
-def _read_geom(
-    element: Element, link: Link, place: Pose, class_: str, tree: Tree
-) -> list[Inertia]:
+def _read_geom(element: Element, link: Link, place: Pose, class_: str, tree: Tree) -> list[Inertia]:
     """Read a geom of a link, and return its inertia if it counts."""
     resolved(element, tree.settings, tree.log, class_)
     looks, inertia = tree.geoms.read(element)

@@ -100,7 +100,9 @@ class Geoms:
         own = Log(self.log.file)
         file = self._file(asset)
         looks = self.files.look(asset, file, place.after(_asset_pose(asset)), "", own)
-        looks = [Look(k.kind, k.size, k.pose, self._colour(element), element, k.file) for k in looks]
+        looks = [
+            Look(k.kind, k.size, k.pose, self._colour(element), element, k.file) for k in looks
+        ]
         for note in own.notes:
             self.log.lost(element, note.message)
         if attribute(element, "mass") == "0" or not looks:

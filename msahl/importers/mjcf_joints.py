@@ -5,14 +5,15 @@ import math
 import numpy as np
 
 from msahl.deck.faults import Element, attribute
-from msahl.importers.mjcf_settings import Settings, several
+from msahl.importers.mjcf_settings import Settings, rotation_of, several
 from msahl.importers.reading import Log, direction, number, numbers
 from msahl.importers.robot import Axis, Pose
 
 KINDS = ("hinge", "slide", "ball", "free")
 STOPS = "msahl has no stops: the joint moves beyond its range"
 OF_LIMITS = (
-    "range", "limited", "margin", "solreflimit", "solimplimit", "solreffriction", "solimpfriction",
+    "range", "limited", "margin", "solreflimit", "solimplimit", "solreffriction",
+    "solimpfriction",
 )  # fmt: skip
 """Attributes of soft limits and friction."""
 READ = (
@@ -22,8 +23,7 @@ READ = (
 
 
 def read_joint(element: Element, name: str, frame: Pose, settings: Settings, log: Log) -> Axis:
-    """Return the axis of a ``<joint>``, whose attributes are resolved, in a ``frame`` of its link.
-    """
+    """Return the axis of a ``<joint>`` with resolved attributes, in a ``frame`` of its link."""
     kind = attribute(element, "type", "hinge")
     if element.tag == "freejoint":
         kind = "free"
@@ -68,7 +68,7 @@ def _note_others(element: Element, settings: Settings, log: Log) -> None:
     """Note limits, and attributes that msahl has nothing for."""
     if settings.is_limited({str(k): str(v) for k, v in element.attrib.items()}, ""):
         log.lost(element, STOPS)
-    for name in element.attrib:
+    for name in map(str, element.attrib):
         if name not in READ and name not in OF_LIMITS:
             log.lost(element, f"its {name}")
 
@@ -87,8 +87,6 @@ def set_coordinates(axis: Axis, q: list[float], v: list[float]) -> None:
 
 
 def _rotation(quaternion: list[float]) -> np.ndarray:
-    from msahl.importers.mjcf_settings import rotation_of
-
     length = math.hypot(*quaternion)
     return rotation_of(np.array(quaternion)) if length > 0.0 else np.eye(3)
 

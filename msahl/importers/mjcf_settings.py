@@ -195,6 +195,6 @@ def several(element: Element, name: str, log: Log, most: int) -> list[float]:
         return []
     values = floats(text)
     if values is None or len(values) > most:
-        log.fault(element, f"{name}=\"{text[:60]}\": expected up to {most} finite numbers")
+        log.fault(element, f'{name}="{text[:60]}": expected up to {most} finite numbers')
         return []
     return values

@@ -37,13 +37,13 @@ class Imported:
 
 
 def import_file(
-    path: str | PathLike[str], options: ImportOptions = ImportOptions(), target: Path | None = None
+    path: str | PathLike[str], options: ImportOptions | None = None, target: Path | None = None
 ) -> Imported:
     """Return the deck of a URDF or MJCF file, for a file at ``target`` or beside ``path``.
 
     Raises ``DeckError`` with every fault found.
     """
-    path = Path(path)
+    path, options = Path(path), options or ImportOptions()
     target = path.with_suffix(".deck.xml") if target is None else target
     log = Log(str(path))
     faults = Faults(str(path))
@@ -104,5 +104,3 @@ def _follow(robot: Robot) -> None:
             if first and second and relation.ratio:
                 second.value = relation.ratio * first.value + relation.offset
                 second.rate = relation.ratio * first.rate
-
-

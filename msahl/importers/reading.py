@@ -1,4 +1,4 @@
-"""Read foreign XML safely: elements, their numbers, and the list of what is wrong or not carried over.
+"""Read foreign XML safely: numbers of elements, and what is wrong or not carried over.
 
 Files are parsed as decks are (``msahl.deck.parse``): no entity, no other file, bounded size. Every
 message has the file and the line of its element.
@@ -109,7 +109,7 @@ def numbers(
     values = floats(text)
     if values is None or len(values) != count:
         expected = "a finite number" if count == 1 else f"{count} finite numbers"
-        log.fault(element, f"{name}=\"{text[:60]}\": expected {expected} up to {LARGEST:g}")
+        log.fault(element, f'{name}="{text[:60]}": expected {expected} up to {LARGEST:g}')
         return default
     return values
 
@@ -131,8 +131,7 @@ def floats(text: str) -> list[float] | None:
 
 
 def direction(element: Element, name: str, log: Log, given: Sequence[float]) -> np.ndarray:
-    """Return the unit vector (3,) along an attribute; along ``given`` without it, or with a fault.
-    """
+    """Return the unit vector (3,) of an attribute; that of ``given`` without it, or with a fault."""
     a = np.array(numbers(element, name, log, given))
     length = math.hypot(*a)
     if length > 0.0:

@@ -57,7 +57,9 @@ def together(parts: list[Inertia]) -> Inertia:
     if len(parts) == 1 or mass == 0.0:
         return parts[0] if parts else NOTHING
     c = np.asarray(sum(part.mass * part.c for part in parts) / mass)
-    return Inertia(mass, c, np.asarray(sum(part.J + about(part.mass, part.c - c) for part in parts)))
+    return Inertia(
+        mass, c, np.asarray(sum(part.J + about(part.mass, part.c - c) for part in parts))
+    )
 
 
 def about(mass: float, d: np.ndarray) -> np.ndarray:

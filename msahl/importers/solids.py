@@ -23,10 +23,10 @@ def solid_of(looks: Iterable[Look], meshes: MeshFiles, mass: float) -> Inertia |
         part = None if mesh is None else mesh_solid(mesh)
         if part is not None and part.mass > 0.0:
             parts.append(part.seen_from(look.pose))
-    whole = together(parts)
-    if not whole.mass:
+    total = together(parts)
+    if not total.mass:
         return None
-    return Inertia(mass, whole.c, whole.J * (mass / whole.mass))
+    return Inertia(mass, total.c, total.J * (mass / total.mass))
 
 
 def mesh_solid(mesh: Mesh) -> Inertia | None:

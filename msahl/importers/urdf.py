@@ -132,7 +132,8 @@ def _look(visual: Element, colours: dict[str, str], meshes: MeshFiles, log: Log)
     colour = _colour(visual.find("material"), colours, log)
     geometry = visual.find("geometry")
     for element in geometry if geometry is not None else ():
-        kind, size = str(element.tag), ()
+        kind = str(element.tag)
+        size: tuple[float, ...] = ()
         if kind == "mesh":
             return meshes.look(element, attribute(element, "filename"), pose, colour, log)
         if kind == "box":
@@ -155,11 +156,11 @@ def _read_joint(element: Element, robot: Robot, axes: dict[str, Axis], log: Log)
     ends = []
     for side in ("parent", "child"):
         end = element.find(side)
-        link = "" if end is None else attribute(end, "link")
-        if link not in robot.links:
-            log.fault(element if end is None else end, f"its {side} '{link}' is no link")
+        named = "" if end is None else attribute(end, "link")
+        if named not in robot.links:
+            log.fault(element if end is None else end, f"its {side} '{named}' is no link")
             return
-        ends.append(link)
+        ends.append(named)
     kind = attribute(element, "type")
     if kind not in KINDS:
         log.fault(element, f"type '{kind}' is none of {', '.join(KINDS)}")
@@ -244,5 +245,3 @@ def _sorted(robot: Robot, log: Log) -> dict[str, Link]:
         lost = next(link for link in robot.links.values() if link.name not in reached)
         log.fault(lost.element, "its joints form a circle of parents; delete one of them")
     return {link.name: link for link in found}
-
-

@@ -31,7 +31,7 @@ def linkage(model, values):
     """Bodies placed by the coordinates of joints: {joint: {coordinate: value}}."""
     roots = [ground.name for ground in model.grounds]
     starts = [(JointStart(joint, values.get(joint.name, {})), True) for joint in model.joints]
-    branches, loops, more = spanning_tree(roots, starts)
+    branches, loops, _ = spanning_tree(roots, starts)
     assert not loops
     places = {name: Place(np.zeros(3), np.eye(3)) for name in roots}
     places |= {b.name: place_of(b.position, b.orientation) for b in model.bodies}

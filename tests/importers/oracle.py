@@ -2,8 +2,8 @@
 
     python -m tests.importers.oracle            writes expected.json, which the tests read
 
-MuJoCo integrates by RK4 with a small step; limits, contacts, equalities and its dry friction, all of
-them soft, are switched off. Its own repair of inertias is off as well.
+MuJoCo integrates by RK4 with a small step; limits, contacts, equalities and its dry friction, all
+of them soft, are switched off. Its own repair of inertias is off as well.
 """
 
 import json

@@ -2,7 +2,6 @@
 
 import shutil
 from collections.abc import Iterable
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,45 +14,75 @@ from msahl.terminal import echo
 if TYPE_CHECKING:
     from msahl.importers import Imported, Note
 
+KINDS = ("inertia", "not carried over", "changed")
+"""Kinds of notes, in the order in which they are printed."""
 AT = {"pose": "--at", "rates": "--rate"}
 """Options that give numbers of joints by name."""
 
 
 @click.command("import", short_help="Make a deck of a URDF or MJCF file.")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(dir_okay=False, allow_dash=True), metavar="DECK",
-              help="Write this deck ('-': the terminal; default: FILE's name with _deck.xml).")  # fmt: skip
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, allow_dash=True),
+    metavar="DECK",
+    help="Write this deck ('-': the terminal; default: FILE's name with _deck.xml).",
+)
 @click.option("--overwrite", is_flag=True, help="Replace the deck if it exists.")
-@click.option("--base", type=click.Choice(("fixed", "free")), default="fixed",
-              help="Fix the roots of a URDF to the ground, or let them move (default: fixed).")  # fmt: skip
-@click.option("--keep-fixed", is_flag=True,
-              help="Keep links that are fixed to others as bodies on rigid joints, if they have "
-              "mass (default: one body).")  # fmt: skip
-@click.option("--repair", is_flag=True,
-              help="Replace impossible inertias by the nearest possible ones, and give moving links "
-              "without mass a tiny one.")  # fmt: skip
-@click.option("--at", "pose", multiple=True, metavar="JOINT=VALUE",
-              help="Start with this coordinate of a joint, in rad or m; repeat for more.")  # fmt: skip
-@click.option("--rate", "rates", multiple=True, metavar="JOINT=VALUE",
-              help="Start with this rate of a joint, in rad/s or m/s; repeat for more.")  # fmt: skip
-@click.option("--packages", multiple=True, metavar="DIR",
-              type=click.Path(path_type=Path, file_okay=False, exists=True),
-              help="Look for meshes, packages and included files below this folder, too; repeat "
-              "for more.")  # fmt: skip
-@click.option("--copy-meshes", is_flag=True,
-              help="Copy meshes that are not below the deck's folder into DECK's name_meshes.")  # fmt: skip
+@click.option(
+    "--base",
+    type=click.Choice(("fixed", "free")),
+    default="fixed",
+    help="Fix the roots of a URDF to the ground, or let them move (default: fixed).",
+)
+@click.option(
+    "--keep-fixed",
+    is_flag=True,
+    help="Keep links with mass that are fixed to others as bodies on rigid joints "
+    "(default: one body).",
+)
+@click.option(
+    "--repair",
+    is_flag=True,
+    help="Replace impossible inertias by the nearest possible ones, and give moving "
+    "links without mass a tiny one.",
+)
+@click.option(
+    "--at",
+    "pose",
+    multiple=True,
+    metavar="JOINT=VALUE",
+    help="Start with this coordinate of a joint, in rad or m; repeat for more.",
+)
+@click.option(
+    "--rate",
+    "rates",
+    multiple=True,
+    metavar="JOINT=VALUE",
+    help="Start with this rate of a joint, in rad/s or m/s; repeat for more.",
+)
+@click.option("--key", default="", metavar="NAME", help="Start at this keyframe of MJCF.")
+@click.option(
+    "--packages",
+    multiple=True,
+    metavar="DIR",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    help="Look for meshes, packages and included files below this folder, too; repeat for more.",
+)
+@click.option(
+    "--copy-meshes", is_flag=True, help="Copy meshes from elsewhere into a folder beside the deck."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults.")
-def import_(
-    file: Path, output: str | None, overwrite: bool, quiet: bool, **given: Any
-) -> None:
+def import_(file: Path, output: str | None, overwrite: bool, quiet: bool, **given: Any) -> None:
     """Make a deck of FILE, a URDF or MJCF file, and list what is not carried over, by element.
 
     Example: msahl import robot.urdf -o robot.xml
     """
     target = Path(f"{file.stem}_deck.xml" if output in (None, "-") else str(output))
-    if output != "-" and target.exists():
-        if target.samefile(file) or not overwrite:
-            stop(f"{shown_path(target)} exists; choose another file with -o, or --overwrite")
+    taken = output != "-" and target.exists()
+    if taken and (not overwrite or (file.exists() and target.samefile(file))):
+        stop(f"{shown_path(target)} exists; choose another file with -o, or --overwrite")
     found = _imported(file, target, given)
     if not quiet:
         _print_notes(found.notes, err=output == "-")
@@ -90,21 +119,18 @@ def _values(option: str, words: Iterable[str]) -> dict[str, float]:
         name, sign, text = given.rpartition("=")
         numbers = floats(text)
         if not sign or numbers is None or len(numbers) != 1:
-            stop(f"msahl import: {option} {printable(given)}: expected JOINT=VALUE, such as elbow=0.5")
+            expected = "expected JOINT=VALUE, such as elbow=0.5"
+            stop(f"msahl import: {option} {printable(given)}: {expected}")
         values[name] = numbers[0]
     return values
 
 
 def _print_notes(notes: Iterable["Note"], err: bool) -> None:
     """Print the notes: each message once, and below it the elements that it is about."""
-    def key(note: "Note") -> tuple[str, str]:
-        return note.kind, note.message
-
-    first: dict[tuple[str, str], int] = {}
-    notes = list(notes)
+    groups: dict[tuple[str, str], list[Note]] = {}
     for note in notes:
-        first.setdefault(key(note), len(first))
-    for (kind, message), group in groupby(sorted(notes, key=lambda n: first[key(n)]), key):
+        groups.setdefault((note.kind, note.message), []).append(note)
+    for kind, message in sorted(groups, key=lambda group: KINDS.index(group[0])):
         echo(f"{kind}: {printable(message)}", err=err)
-        for note in group:
+        for note in groups[kind, message]:
             echo(f"    {shown_path(note.file)}:{note.line}: {printable(note.where)}", err=err)
