@@ -3,8 +3,8 @@
 file -> robot (links, joints; one reader for each format) -> bodies -> records -> text of a deck
 """
 
-from msahl.importers.options import ImportOptions
+from msahl.importers.options import BASES, ImportOptions
 from msahl.importers.read import Imported, import_file
 from msahl.importers.reading import Note
 
-__all__ = ["ImportOptions", "Imported", "Note", "import_file"]
+__all__ = ["BASES", "ImportOptions", "Imported", "Note", "import_file"]

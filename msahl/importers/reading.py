@@ -131,7 +131,7 @@ def floats(text: str) -> list[float] | None:
 
 
 def direction(element: Element, name: str, log: Log, given: Sequence[float]) -> np.ndarray:
-    """Return the unit vector (3,) of an attribute; that of ``given`` without it, or with a fault."""
+    """Return the unit vector (3,) of an attribute; that of ``given`` without it or with a fault."""
     a = np.array(numbers(element, name, log, given))
     length = math.hypot(*a)
     if length > 0.0:
