@@ -10,6 +10,7 @@ within them can have, or a small part of it. Where a shape is a closed mesh, the
 compared.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from msahl.deck.faults import Element
 from msahl.importers.meshes import MeshFiles
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log
-from msahl.importers.robot import Inertia, Link
+from msahl.importers.robot import Inertia, Link, Look
 from msahl.importers.solids import extent, solid_of
 
 if TYPE_CHECKING:
@@ -52,24 +53,25 @@ def checked(
             log.doubtful(element, "a tensor without mass; it is ignored")
         return Inertia(0.0, given.c, np.zeros((3, 3)))
     complaint = impossible(matrix(given.J))
-    solid = solid_of(link.looks, meshes, given.mass)
     if complaint:
+        solid = solid_of(link.looks, meshes, given.mass)
         return _repaired(given, complaint, solid, element, options, log)
-    farthest = extent(link.looks, meshes, given.c)
-    k = float(np.sqrt(max(second_moments(given.J).max(), 0.0) / given.mass))
-    if farthest and k > ROUNDED * farthest:
-        log.doubtful(
-            element,
-            f"radius of gyration {k:.4g} m, but its shapes end {farthest:.4g} m from its mass "
-            f"centre{_of_solid(solid)}; check the units",
-        )
-    elif farthest and k < SMALL * farthest:
-        log.doubtful(
-            element,
-            f"radius of gyration {k:.4g} m, {k / farthest:.2g} of the {farthest:.4g} m to the end "
-            f"of its shapes{_of_solid(solid)}; check the units",
-        )
+    words = doubt(given, link.looks, meshes)
+    if words:
+        log.doubtful(element, words)
     return given
+
+
+def doubt(given: Inertia, looks: Sequence[Look], meshes: MeshFiles) -> str:
+    """Return why the inertia of a body with these shapes is doubtful; "" if it is not."""
+    farthest = extent(looks, meshes, given.c)
+    k = float(np.sqrt(max(second_moments(given.J).max(), 0.0) / given.mass))
+    if not farthest or SMALL * farthest <= k <= ROUNDED * farthest:
+        return ""
+    solid = _of_solid(solid_of(looks, meshes, given.mass))
+    end = f"the {farthest:.4g} m from its mass centre to the end of its shapes"
+    how = "more than" if k > farthest else f"{k / farthest:.2g} of"
+    return f"radius of gyration {k:.4g} m, {how} {end}{solid}; check the units"
 
 
 def _repaired(

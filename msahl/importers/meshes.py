@@ -53,7 +53,7 @@ class MeshFiles:
         if reason:
             log.lost(element, reason)
             return []
-        return [Look("mesh", (scale[0],), pose, colour, element, name)]
+        return [Look("mesh", (scale[0],), pose, colour, name)]
 
     def find(self, file: str) -> Path | None:
         """Return the file that a reference means; None if there is none below the folders."""

@@ -82,7 +82,7 @@ class Geoms:
             self.log.lost(element, "msahl has no ellipsoid; its inertia is taken")
             return []
         shown = [2.0 * a for a in size] if kind == "box" else [size[0], *(2 * h for h in size[1:])]
-        return [Look(kind, tuple(shown), place, self._colour(element), element)]
+        return [Look(kind, tuple(shown), place, self._colour(element))]
 
     def _colour(self, element: Element) -> str:
         """Return the colour of a geom; that of its material if it has none of its own."""
@@ -100,9 +100,7 @@ class Geoms:
         own = Log(self.log.file)
         file = self._file(asset)
         looks = self.files.look(asset, file, place.after(_asset_pose(asset)), "", own)
-        looks = [
-            Look(k.kind, k.size, k.pose, self._colour(element), element, k.file) for k in looks
-        ]
+        looks = [Look(k.kind, k.size, k.pose, self._colour(element), k.file) for k in looks]
         for note in own.notes:
             self.log.lost(element, note.message)
         if attribute(element, "mass") == "0" or not looks:

@@ -75,7 +75,6 @@ class Look:
     size: tuple[float, ...]
     pose: Pose
     colour: str
-    element: Element
     file: str = ""
 
 

@@ -143,7 +143,7 @@ def _look(visual: Element, colours: dict[str, str], meshes: MeshFiles, log: Log)
         elif kind in ("cylinder", "capsule"):
             size = (number(element, "radius", log), number(element, "length", log))
         if size and min(size) > 0.0:
-            return [Look(kind, size, pose, colour, element)]
+            return [Look(kind, size, pose, colour)]
         log.lost(element, "msahl has no such shape, or its sizes are not positive")
     return []
 

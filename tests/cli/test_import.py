@@ -79,3 +79,42 @@ def test_meshes_are_copied_if_that_is_wanted(call, tmp_path):
     assert (tmp_path / "decks" / "arm_meshes" / "part.stl").exists()
     check = CliRunner().invoke(main, ["check", "decks/arm.xml"])
     assert check.exit_code == 0
+
+
+def test_check_repairs_an_impossible_inertia_of_a_deck(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    deck = DECK.replace("<Izz>1</Izz>", "<Izz>5</Izz>")
+    (tmp_path / "deck.xml").write_text(deck)
+    first = CliRunner().invoke(main, ["check", "deck.xml", "--repair"])
+    assert first.exit_code == 2
+    assert "the nearest possible tensor about G has Ixx 2, Iyy 2, Izz 4" in first.stderr
+    assert "deck_repaired.xml: the nearest possible inertias of Bob" in first.stderr
+    assert CliRunner().invoke(main, ["check", "deck_repaired.xml"]).exit_code == 0
+    (body,) = read_deck(tmp_path / "deck_repaired.xml").bodies
+    # Second moments are at least 1e-6 of the largest entry.
+    assert [body.inertia[i][i] for i in range(3)] == pytest.approx([2, 2, 4], abs=2e-5)
+    assert CliRunner().invoke(main, ["check", "deck.xml", "--repair"]).exit_code == 2
+
+
+def test_check_warns_of_an_inertia_that_does_not_fit_the_shapes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shape = "<shapes><sphere><radius>0.1</radius></sphere></shapes>"
+    (tmp_path / "deck.xml").write_text(DECK.replace("</moi>", f"</moi>{shape}"))
+    result = CliRunner().invoke(main, ["check", "deck.xml"])
+    assert result.exit_code == 0
+    assert "deck.xml: WARN: body 'Bob': radius of gyration 0.7071 m, more than the" in result.stderr
+
+
+DECK = """<data>
+  <system>
+    <bodies>
+      <rigidBody>
+        <name>Bob</name>
+        <mass>1</mass>
+        <moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>
+      </rigidBody>
+    </bodies>
+  </system>
+  <simulation><deltaT units="sec">0.01</deltaT><tFinal units="sec">1</tFinal></simulation>
+</data>
+"""
