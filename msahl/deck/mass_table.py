@@ -164,7 +164,7 @@ def _child(body: Element, path: str, line: int) -> Element:
 
 def _place(element: Element, line: int) -> None:
     """Give an element the line of its row."""
-    element.sourceline = line
+    element.sourceline = line  # type: ignore[assignment]  # of lxml's stubs
 
 
 def _is_number(cell: str) -> bool:

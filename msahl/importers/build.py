@@ -107,6 +107,7 @@ def _add_body(part: Part, link: Link, parts: Parts, robot: Robot, made: Made) ->
         joint, start, coordinates = placed(group, ends)
         _add_joint(joint, start, made)
         for axis in group:
+            made.start_of[axis.name] = start
             if axis.name in coordinates:
                 place = Along(axis, joint.name, coordinates[axis.name], start)
                 made.along[axis.name] = place
@@ -166,8 +167,8 @@ def _close(closure: Closure, parts: Parts, robot: Robot, made: Made) -> None:
     name = made.names.unique(closure.name)
     made.joints.append(Joint(name, closure.kind, parent, child, *points, *frames))
     for axis in loop_axes(closure.links, robot):
-        if axis.name in made.along:
-            made.along[axis.name].start.approximate = True
+        if axis.name in made.start_of:
+            made.start_of[axis.name].approximate = True
 
 
 def loop_axes(links: Iterable[str], robot: Robot) -> list[Axis]:

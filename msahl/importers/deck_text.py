@@ -71,6 +71,7 @@ def _add_start(element: Element, start: Start) -> None:
             holder[-1].set("approximate", "true")
     if start.P is not None:
         _add_orientation(holder, start.P, start.approximate)
+        vector(holder, "angularVelocity", start.w)
     for name, value in start.rates.items():
         number(holder, name, value, QUANTITIES[name.removesuffix("Rate").rstrip("12")][1])
     if not len(holder):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation_arrays import parameters, plain_vector
-from msahl.algebra.vector import IDENTITY, Matrix, Vector
+from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
 from msahl.check.directions import PARALLEL, frame, shared_references, unit
 from msahl.importers.robot import HERE, Axis, Pose
 from msahl.model.joints import Joint
@@ -20,12 +20,14 @@ from msahl.model.joints import Joint
 
 @dataclass
 class Start:
-    """Coordinates of a joint at t = 0, and their rates, by the names of the deck's elements; ``P``
-    is an orientation; ``approximate`` values begin the closing of a loop."""
+    """Coordinates of a joint at t = 0, and their rates, by the names of the deck's elements. ``P``
+    is an orientation and ``w`` its angular velocity [rad/s], child's axes. ``approximate`` values
+    begin the closing of a loop."""
 
     values: dict[str, float] = field(default_factory=dict)
     rates: dict[str, float] = field(default_factory=dict)
     P: Vector | None = None
+    w: Vector = ZERO
     approximate: bool = False
 
 
@@ -152,7 +154,7 @@ def _ball(axis: Axis, ends: Ends) -> Placed:
     points = _vector(ends.pose.p + ends.pose.R @ axis.point), _vector(axis.point)
     joint = Joint(ends.name, "spherical", ends.parent, ends.child, *points, IDENTITY, IDENTITY)
     P = _vector(parameters(ends.pose.R @ axis.rotated))
-    return Placed(joint, Start(P=P), {})
+    return Placed(joint, Start(P=P, w=_vector(axis.velocity[1])), {})
 
 
 def rigid(ends: Ends) -> Placed:

@@ -51,6 +51,8 @@ class Made:
     bodies: list[RigidBody] = field(default_factory=list)
     joints: list[Joint] = field(default_factory=list)
     starts: dict[str, Start] = field(default_factory=dict)
+    start_of: dict[str, Start] = field(default_factory=dict)
+    """Starts of joints by the names of the axes that they have."""
     couplings: list[Coupling] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
     signals: list[Signal] = field(default_factory=list)

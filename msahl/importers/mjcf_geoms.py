@@ -19,7 +19,7 @@ from msahl.importers.meshes import MeshFiles
 from msahl.importers.mjcf_settings import Settings, pose, rotation_of, several, smallest_to
 from msahl.importers.reading import Log, number, numbers
 from msahl.importers.robot import Inertia, Look, Pose
-from msahl.importers.solids import mesh_solid
+from msahl.importers.solids import mesh_solid, pyramids
 from msahl.importers.urdf import hexadecimal
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
@@ -106,9 +106,11 @@ class Geoms:
         if attribute(element, "mass") == "0" or not looks:
             return looks, None
         mesh = self.files.mesh(looks[0])
-        solid = None if mesh is None else mesh_solid(mesh)
+        exact = asset.get("inertia") == "exact" or "exactmeshinertia" in self.settings.compiler
+        of = mesh_solid if exact else pyramids
+        solid = None if mesh is None else of(mesh)
         if solid is None:
-            self.log.lost(element, "its mesh is open: no mass follows from it")
+            self.log.lost(element, "its mesh is open or flat: no mass follows from it")
             return looks, None
         inertia = _weighed(element, solid, self.log)
         return looks, None if inertia is None else inertia.seen_from(looks[0].pose)

@@ -59,7 +59,7 @@ def _read_forces(axis: Axis, log: Log) -> None:
     if axis.kind == "free" and any(found.values()):
         log.lost(element, "forces along a free joint, and its armature")
     if axis.kind == "ball":
-        lost = [name for name in ("stiffness", "friction", "armature") if found[name]]
+        lost = [name for name in found if found[name]]
         if lost:
             log.lost(element, f"{' and '.join(lost)} of a ball joint")
 

@@ -32,28 +32,65 @@ def solid_of(looks: Iterable[Look], meshes: MeshFiles, mass: float) -> Inertia |
 def mesh_solid(mesh: Mesh) -> Inertia | None:
     """Return volume, centre and inertia at the density 1 of the solid within a mesh; None if it is
     open. The sign of the volume says whether its faces look outwards.
-
-    Each triangle and the origin make a tetrahedron of the volume V = a.(b x c)/6 with
-    int x x^T dV = V/20 (sum of v v^T over a, b, c + s s^T), s = a + b + c.
     """
     corners = mesh.vertices[mesh.faces]  # (m, 3, 3)
-    a, b, c = (corners[:, i] for i in range(3))
-    areas = np.cross(b - a, c - a)
+    areas = _areas(corners)
     surface = np.sqrt((areas**2).sum(axis=1)).sum()
     if not surface > 0.0 or math.hypot(*areas.sum(axis=0)) > CLOSED * surface:
         return None
-    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-    volume = volumes.sum()
+    volumes = _volumes(corners)
+    volumes = volumes if volumes.sum() > 0.0 else -volumes
+    volume = float(volumes.sum())
+    if volume == 0.0:
+        return None
+    centre = _centre(volumes, corners)
+    J = _tensor(volumes, corners) - about(volume, centre)
+    return Inertia(volume, centre, J)
+
+
+def pyramids(mesh: Mesh) -> Inertia | None:
+    """Return the same by MuJoCo's default: all pyramids between the faces and one point count as
+    positive, first about the centroid of the surface, then about the mass centre. It is the solid
+    of meshes that are seen from these points completely; others come out larger. None if it is
+    flat."""
+    corners = mesh.vertices[mesh.faces]
+    sizes = np.sqrt((_areas(corners) ** 2).sum(axis=1))
+    if not sizes.sum() > 0.0:
+        return None
+    middle = np.einsum("m,mi->i", sizes, corners.mean(axis=1)) / sizes.sum()
+    volumes = np.abs(_volumes(corners - middle))
+    if not volumes.sum() > 0.0:
+        return None
+    centre = middle + _centre(volumes, corners - middle)
+    corners = corners - centre
+    volumes = np.abs(_volumes(corners))
+    return Inertia(float(volumes.sum()), centre, _tensor(volumes, corners))
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """Return twice the areas of triangles (m, 3, 3) as vectors (m, 3)."""
+    a, b, c = (corners[:, i] for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _volumes(corners: np.ndarray) -> np.ndarray:
+    """Return V = a.(b x c)/6 (m,) of the tetrahedra of the triangles and the origin."""
+    a, b, c = (corners[:, i] for i in range(3))
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+
+
+def _centre(volumes: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return the centre of tetrahedra."""
+    return np.asarray(np.einsum("m,mi->i", volumes, corners.sum(axis=1)) / 4.0 / volumes.sum())
+
+
+def _tensor(volumes: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return the tensor of tetrahedra about the origin: of each int x x^T dV = V/20 (sum of v v^T
+    over its corners + s s^T), s their sum."""
     s = corners.sum(axis=1)
     second = np.einsum("m,mki,mkj->ij", volumes, corners, corners)
     second = (second + np.einsum("m,mi,mj->ij", volumes, s, s)) / 20.0
-    if volume < 0.0:
-        volume, second, volumes = -volume, -second, -volumes
-    if volume == 0.0:
-        return None
-    centre = np.einsum("m,mi->i", volumes, s) / 4.0 / volume
-    J = np.trace(second) * np.eye(3) - second - about(volume, centre)
-    return Inertia(float(volume), centre, J)
+    return np.asarray(np.trace(second) * np.eye(3) - second)
 
 
 def extent(looks: Iterable[Look], meshes: MeshFiles, centre: np.ndarray) -> float:

@@ -26,7 +26,7 @@ KINDS = {
 """Types of joints, and what they are here."""
 WORLD = "world"
 """A root of this name without mass is the ground."""
-CONTACT = "msahl has no contact; visual shapes are taken"
+CONTACT = "msahl has no contact"
 STOPS = "msahl has no stops: the joint moves beyond its limits"
 
 
@@ -82,14 +82,15 @@ def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> np.ndarray:
 def _read_link(
     link: Link, colours: dict[str, str], options: ImportOptions, meshes: MeshFiles, log: Log
 ) -> None:
-    """Read inertia and shapes of a link; its shapes are the visual ones, if it has any."""
+    """Read inertia and shapes of a link: the visual ones, or else those for collisions."""
     element = link.element
     unknown(element, ("inertial", "visual", "collision"), log)
     for visual in element.iterfind("visual"):
         link.looks += _look(visual, colours, meshes, log)
+    is_seen = bool(link.looks)
     for collision in element.iterfind("collision"):
         log.lost(collision, CONTACT)
-        if element.find("visual") is None:
+        if not is_seen:
             link.looks += _look(collision, colours, meshes, Log(log.file))
     inertial = element.find("inertial")
     if inertial is not None:

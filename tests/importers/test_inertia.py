@@ -8,7 +8,7 @@ from msahl.check.possible_inertia import nearest_possible, second_moments
 from msahl.importers.inertia import matrix
 from msahl.importers.meshes import MeshFiles
 from msahl.importers.robot import Inertia, about, together
-from msahl.importers.solids import mesh_solid
+from msahl.importers.solids import mesh_solid, pyramids
 from msahl.post.scene.meshes import Mesh, read_mesh
 from tests.importers.test_urdf import faults_of, imported, joint, link, mesh, messages, tetrahedron
 
@@ -131,3 +131,12 @@ def test_meshes_of_one_name_are_copied_under_different_ones(tmp_path):
     files = MeshFiles((tmp_path,), tmp_path / "deck", "meshes")
     names = [files._from_target(tmp_path / folder / "part.stl") for folder in ("a", "b", "a")]
     assert names == ["meshes/part.stl", "meshes/part_2.stl", "meshes/part.stl"]
+
+
+def test_a_convex_mesh_has_the_same_inertia_by_pyramids(tmp_path):
+    tetrahedron(tmp_path / "t.stl")
+    mesh_ = read_mesh(tmp_path / "t.stl")
+    exact, found = mesh_solid(mesh_), pyramids(mesh_)
+    assert found.mass == pytest.approx(exact.mass)
+    assert found.c == pytest.approx(exact.c)
+    assert pytest.approx(exact.J) == found.J

@@ -168,10 +168,12 @@ def test_a_free_body_and_a_ball_joint_begin_by_a_keyframe(imported):
         "<freejoint/>" + BALL + body('<joint type="ball" pos="0 0 1"/>' + BALL, 'pos="0 0 -1"')
     )
     half = math.sqrt(0.5)
-    key = f'<keyframe><key name="k" qpos="1 2 3 {half} 0 0 {half} {half} {half} 0 0"/></keyframe>'
+    qpos, qvel = f"1 2 3 {half} 0 0 {half} {half} {half} 0 0", "0 0 0 0 0 0 0.5 0 0"
+    key = f'<keyframe><key name="k" qpos="{qpos}" qvel="{qvel}"/></keyframe>'
     found = imported(world, key, key="k").source.model()
     first, second = found.bodies
     assert first.position == (1.0, 2.0, 3.0)
+    assert second.angular_velocity == pytest.approx((0.5, 0.0, 0.0))
     # (0, 0, -1), rotated about x of the second body, is (0, 1, 0), and then (-1, 0, 0).
     assert second.position == pytest.approx((1.0 - 1.0, 2.0, 3.0))
 
@@ -179,6 +181,20 @@ def test_a_free_body_and_a_ball_joint_begin_by_a_keyframe(imported):
 FOUR_BAR = ROOT / "decks" / "mechanisms" / "four_bar.xml"
 ANGLES = {"crank": 60.0, "coupler": 36.13065665513935, "rocker": 98.85104391916123}
 """Of the rods to the ground where that deck begins [deg]."""
+
+
+def test_balls_in_a_loop_are_closed_as_well(imported):
+    """A rod on a hinge and one on a ball, which is pinned to the world where the file has it."""
+    rod = '<geom type="capsule" fromto="0 0 0 1 0 0" size="0.05" mass="1"/>'
+    far = body('<joint type="ball"/>' + rod, 'name="far" pos="1 0 0"')
+    near = body(hinge("a", 'axis="0 1 0"') + rod + far, 'name="near"')
+    pin = '<equality><connect body1="far" body2="world" anchor="1 0 0"/></equality>'
+    found = imported(
+        near.replace('pos="1 0 0"', 'pos="1 0 0" euler="0 90 0"'), pin, pose={"a": 0.2}
+    )
+    one = next(b for b in found.source.model().bodies if b.name == "far")
+    tip = one.position + rotations(np.array(one.orientation)) @ np.array([1.0, 0.0, 0.0])
+    assert tip == pytest.approx((1.0, 0.0, -1.0), abs=1e-13)
 
 
 def four_bar():
