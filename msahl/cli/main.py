@@ -18,7 +18,7 @@ from msahl.version import VERSION
 
 COMMANDS = (
     "check", "compile", "equilibrium", "explain", "import", "inverse", "kinematics", "linearize",
-    "modes", "new", "run", "schema", "show", "study", "sweep",
+    "modes", "new", "run", "schema", "serve", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module of ``msahl.cli`` of its name."""
 PYTHONS = ("import",)

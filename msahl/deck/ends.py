@@ -1,7 +1,6 @@
 """Reader of the two ends of a joint, spring or bushing: bodies, points and axes."""
 
 import math
-from dataclasses import dataclass
 
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, dot
 from msahl.check.context import INERTIAL, Context
@@ -17,12 +16,13 @@ from msahl.check.ends import is_placed as known_places
 from msahl.check.faults import shown
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
+from msahl.records import record
 
 SIDES = ("parent", "child")
 REFERENCE_PARALLEL = "<reference> is parallel to the axis; give another direction, or delete it"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Ends:
     """Names of parent and child, and each one's point [m] in its own axes."""
 

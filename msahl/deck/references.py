@@ -6,13 +6,13 @@ already: a record under a misspelt tag, or one whose name is missing.
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import cast
 
 from msahl.check.names import unresolved
 from msahl.deck.faults import KINDS, Element, Faults, attribute, collapsed, text
 from msahl.deck.values import INERTIAL_BASIS, Reader
+from msahl.records import record
 
 ENDS = ("parent", "child")
 BODIES = ("system/*/*/parent/name", "system/*/*/child/name", "system/*/*/body")
@@ -23,7 +23,7 @@ ROTATING = ("force", "moment", "acceleration", "marker")
 """Elements whose ``basis`` rotates with its body; others take it as it stands at t = 0."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Reference:
     """A ``name`` in some ``role`` of ``owner``, and the element ``at`` which it is given."""
 

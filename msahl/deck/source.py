@@ -9,7 +9,7 @@ import re
 from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,6 +22,7 @@ from msahl.deck.read import read_tree, read_what_is_sound
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.write import effective_text, without_shapes
 from msahl.model import Model
+from msahl.records import record
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
@@ -51,7 +52,7 @@ class Readable(NamedTuple):
     faults: tuple[Fault, ...]
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Source:
     """The bytes of a deck, and the path that names it in messages and leads to its parts.
 

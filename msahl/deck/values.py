@@ -22,6 +22,7 @@ from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, Parameter, to_si
 from msahl.expressions.dimensions import Dimension, TableDimensions
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
+from msahl.records import record
 
 VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "gravity": ("acceleration", ("g1", "g2", "g3")),
@@ -78,7 +79,7 @@ class BodyStart:
     angular_velocity: Vector | None = None  # body axes [rad/s]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Reader:
     """What reading needs: default units, what was read already, and where faults go.
 
