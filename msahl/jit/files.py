@@ -36,8 +36,8 @@ def user_folder() -> Path:
 def _cache_folder() -> str:
     """Return the program's folder for what can be made again, where the system has it.
 
-    ``platformdirs`` gives it for all systems. Its usual answer on Linux is given here: to import it takes
-    longer than to find and load the code of a model.
+    ``platformdirs`` gives it for all systems. Its usual answer on Linux is given here, because to
+    import it takes longer than to find and load the code of a model.
     """
     chosen, home = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME", "")
     base = chosen if chosen is not None else f"{home.rstrip('/')}/.cache"
