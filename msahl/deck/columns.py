@@ -9,7 +9,7 @@ have a fault are only marked here. They are read one by one, which finds the wor
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -21,6 +21,7 @@ from msahl.check.faults import LARGEST, SMALLEST
 from msahl.deck.faults import Element, Faults, attribute, collapsed
 from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, to_si
 from msahl.deck.values import INERTIAL_BASIS, Reader
+from msahl.records import record
 
 LEAST = 32
 """Elements of one form for which arrays are faster than one by one."""
@@ -98,7 +99,7 @@ class _NoFaults:
         return True
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ColumnReader(Reader):
     """Reader of columns of ``size`` elements. ``doubtful`` (size,) marks those that may have a
     fault; what is returned for them is of no use."""
