@@ -138,6 +138,20 @@ def test_a_table_may_come_from_a_pipe():
     assert "no coordinate 'nothing'" in said
 
 
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("run",), "the file is empty"),
+        (("show",), "the file is empty"),
+        (("inverse", FOUR_BAR, "--motion"), "no column 'time'"),
+    ],
+)
+def test_a_pipe_into_which_nobody_writes_is_empty(words, expected, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    assert expected in refused((*words, tmp_path / "pipe"), "pipe")
+
+
 PENDULUM = ROOT / "decks" / "basics" / "pendulum_by_angle.xml"
 CRANK = ROOT / "decks" / "mechanisms" / "slider_crank.xml"
 VALUES = [
