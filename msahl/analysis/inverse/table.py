@@ -199,7 +199,7 @@ def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
 def _check(columns: list[str], numbers: np.ndarray, model: Model, source: str) -> None:
     """Raise ``InverseError`` at the first fault of a table."""
     if TIME not in columns:
-        raise InverseError(f"{source}: no column 'time'; name the column of times [s] so")
+        raise InverseError(f"{source}: no column 'time'; name that of times [s] so, or by --map")
     twice = [name for name in columns if columns.count(name) > 1]
     if twice:
         raise InverseError(f"{source}: the column {printable(twice[0])} appears twice; remove one")
