@@ -227,11 +227,11 @@ def test_pictures_can_be_read():
                 assert sum(t.startswith(("1.9", "2.0")) for t in texts) >= 6
 
 
-def test_a_target_far_outside_leaves_room_for_the_axes():
+def test_a_target_far_outside_leaves_space_for_the_axes():
     plan = patient_plan(deck("thesis/single_pendulum_45"), HALVED, ("preserving",), repeats=1)
     with style():
         _, _, figure = next(iter(pictures(study(replace(plan, target=1e20)))))
-        figure.canvas.draw()  # a warning, which is an error in tests, if words take all room
+        figure.canvas.draw()  # warns, which is an error in tests, if words leave no space
         legend = figure.legends[0].get_window_extent()
         assert not legend.overlaps(figure.axes[0].get_window_extent())
 
