@@ -5,7 +5,6 @@ limits, priority and processors; what it cannot take over, it refuses. It ends a
 without taking the program apart.
 """
 
-import atexit
 import os
 import resource
 import signal
@@ -17,6 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from msahl.command_process import finish
 from msahl.serve.client import ACCEPTED, ENDED, REFUSED
 from msahl.serve.handover import PASSED, peer
 from msahl.serve.received import Request
@@ -99,22 +99,20 @@ def _take_files(files: dict[int, int]) -> None:
 
 def _status(program: Callable[[], object]) -> int:
     """Run the program; return its exit status."""
+    status: object = None
     try:
         program()
-        status = 0
     except SystemExit as end:
-        if not isinstance(end.code, int | None):
-            print(end.code, file=sys.stderr)
-        status = 1 if not isinstance(end.code, int | None) else (end.code or 0) & 0xFF
+        status = end.code
     except BaseException:
         sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]
         status = 1
+    if not isinstance(status, int | None):
+        print(status, file=sys.stderr)
+        status = 1
     threading._shutdown()  # type: ignore[attr-defined]
-    atexit._run_exitfuncs()
     try:
-        for stream in (sys.stdout, sys.stderr):
-            if stream is not None:
-                stream.flush()
+        finish()
     except (OSError, ValueError):
-        status = BROKEN
-    return status
+        return BROKEN
+    return (status or 0) & 0xFF
