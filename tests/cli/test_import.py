@@ -79,6 +79,11 @@ def test_meshes_are_copied_if_that_is_wanted(call, tmp_path):
     assert (tmp_path / "decks" / "arm_meshes" / "part.stl").exists()
     check = CliRunner().invoke(main, ["check", "decks/arm.xml"])
     assert check.exit_code == 0
+    (tmp_path / "decks" / "arm.xml").unlink()
+    told = call(robots / "arm.urdf", "-o", "decks/arm.xml", "--copy-meshes")
+    assert told.exit_code == 2
+    assert "part.stl exists; choose another deck with -o, or --overwrite" in told.stderr
+    assert not (tmp_path / "decks" / "arm.xml").exists()
 
 
 def test_check_repairs_an_impossible_inertia_of_a_deck(tmp_path, monkeypatch):
