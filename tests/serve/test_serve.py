@@ -310,6 +310,14 @@ def test_another_environment_is_not_served(runtime, tmp_path):
     assert msahl("schema", env=environment) == call("schema")
 
 
+@pytest.mark.skipif(not shutil.which("setpriv"), reason="setpriv is not installed")
+def test_a_process_with_other_rights_is_not_served(runtime):
+    """It must not get by the server what it may not do itself."""
+    status, _, err = call("schema", program=("setpriv", "--no-new-privs", *SERVED))
+    assert status == 1
+    assert b"ImportError" in err or b"ModuleNotFoundError" in err
+
+
 def test_files_of_the_process_itself_are_not_served():
     assert ask(["msahl", "check", "/dev/fd/3"]) is None
     assert ask(["msahl", "sweep", "deck.xml"]) is None
