@@ -12,6 +12,7 @@ from msahl.deck.write_model import write_deck
 from msahl.importers.build import Built
 from msahl.importers.joints import Start
 from msahl.joints.registry import KINDS
+from msahl.printable import printable
 
 COMMENT = "{kind} {name}, imported from {file} by msahl import.\n\n  {words}\n"
 PLACED = "The initialConditions of joints place the bodies and set them in motion."
@@ -28,7 +29,9 @@ def deck_text(built: Built, kind: str, file: str) -> bytes:
             _add_start(element, start)
     strip(root)
     lay_out(root)
-    words = COMMENT.format(kind=kind, name=built.model.simulation.title, file=file, words=PLACED)
+    words = COMMENT.format(
+        kind=kind, name=built.model.simulation.title, file=printable(file), words=PLACED
+    )
     return deck_bytes(root, f"\n  {in_comment(words)}")
 
 
