@@ -2,6 +2,7 @@
 remedy, and nothing of Python."""
 
 import os
+import select
 import subprocess
 
 import pytest
@@ -106,10 +107,13 @@ def endless(tmp_path):
     """A pipe to which lines are written as long as somebody reads."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     writer = subprocess.Popen(("sh", "-c", f"exec yes 1,2 > '{pipe}'"), stderr=subprocess.DEVNULL)
+    select.select([end], [], [])  # somebody writes
     yield pipe
     writer.kill()
     writer.wait()
+    os.close(end)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
