@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from msahl.events.margins import Span, build_margins
+from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
+from msahl.schemes.collocation.tree_step import FRESH, TreeStages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.detection import Detection
@@ -54,8 +56,9 @@ class CollocationMethod:
         degree: int,
         span: Span,
         storage: Storage | None = None,
+        tree: Tree | None = None,
     ) -> None:
-        self.workspace, self.scheme, self.span = workspace, scheme, span
+        self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -67,7 +70,8 @@ class CollocationMethod:
         kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
         events = "-events" if self.detection else ""
-        return f"{kind}{friction}-collocation{events}"
+        tree = "" if self.tree is None else "-tree"
+        return f"{kind}{friction}{tree}-collocation{events}"
 
     @property
     def calls(self) -> list[Call]:
@@ -93,9 +97,9 @@ class CollocationMethod:
         return [*scipy_root.calls(self.subsystem), (_record_step, (self.subsystem, 0.0, 0, *rows))]
 
     @property
-    def memory(self) -> StageArrays:
+    def memory(self) -> tuple[StageArrays, TreeStages | None]:
         """See ``StepMethod``."""
-        return self.subsystem.stages
+        return self.subsystem.stages, self.subsystem.tree
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -110,10 +114,13 @@ class CollocationMethod:
         """See ``StepMethod``."""
         self.degree = degree
         if degree not in self.by_degree:
-            fresh = new_collocation_workspace(self.workspace, self.scheme, degree)
+            fresh = new_collocation_workspace(self.workspace, self.scheme, degree, self.tree)
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
+        if self.subsystem.tree is not None:
+            # A resumed run has the memory of the present degree alone.
+            self.subsystem.tree.figures[:] = FRESH
         newton.reset_prediction(self.subsystem)
 
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:

@@ -1,0 +1,256 @@
+"""Decides on the formulation of a subsystem, and builds the tree of its bodies.
+
+Joint coordinates need neither constraint equations nor multipliers. They are used where every
+element has them: an open tree of rigid bodies on the ground, by joints that state their axes
+(``joints.joint.TreeAxis``), with loads that depend on nothing but places, velocities and time. The
+rest keeps absolute coordinates, and ``Formulation.reason`` says why.
+
+A mass matrix in joint coordinates takes work by the square of the number of coordinates between a
+body and the ground: long chains are quicker in absolute coordinates, whose work is proportional to
+the number of bodies.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import IDENTITY, Vector, sub
+from msahl.elements.signals.group import use_reactions
+from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT, Tree
+from msahl.joints.joint import CHILD, PARENT, TreeAxis
+from msahl.joints.registry import KINDS
+from msahl.model import Joint, Model
+from msahl.ports.forces import pressed_by_reactions
+from msahl.system.arrays import System, SystemWorkspace
+from msahl.system.collect import frame_index
+
+MOST_PRODUCTS = 800
+"""Products in the factors of a mass matrix, per body, from which absolute coordinates take less
+work: by timings of planar chains, at about 70 bodies."""
+ALONG = 0.5
+"""Cosine above which an axis in a planar subsystem is its normal: it is either 1 or 0."""
+
+
+class Formulation(NamedTuple):
+    """Coordinates of a subsystem: those of a ``tree``, or, for a ``reason``, absolute ones."""
+
+    tree: Tree | None
+    reason: str = ""
+
+
+class Branch(NamedTuple):
+    """A joint of the tree with the body that it carries; ``reversed`` if that is its parent."""
+
+    joint: Joint
+    body: str
+    parent: str
+    reversed: bool
+
+
+def choose_formulation(
+    model: Model, system: System, start: SystemWorkspace, axis: int | None
+) -> Formulation:
+    """Return the coordinates for a subsystem, prepared at its start; ``axis`` is the normal of its
+    plane, if it is planar.
+    """
+    reason = _excluded(model, system)
+    if reason:
+        return Formulation(None, reason)
+    branches = _branches(model)
+    if branches is None:
+        return Formulation(None, "the joints form a loop, or nothing ties a body to the ground")
+    tree = _build(model, system, start, axis, branches)
+    if tree.body.size == 0:
+        return Formulation(None, "nothing can move")
+    depth = np.diff(tree.row)
+    if float(np.sum(depth * depth)) > 2.0 * MOST_PRODUCTS * len(model.bodies):
+        return Formulation(None, "the chains are long")
+    return Formulation(tree)
+
+
+def _excluded(model: Model, system: System) -> str:
+    """Return why elements of the model need absolute coordinates; empty if none does."""
+    signals = system.forces.signals
+    for joint in model.joints:
+        if KINDS[joint.kind].tree is None:
+            return f"joint '{joint.name}' ({joint.kind}) has no joint coordinates"
+    reasons = (
+        (model.couplings, "couplings are constraints"),
+        (model.motions, "prescribed motions are constraints"),
+        (system.beams is not None, "beams have no joint coordinates"),
+        (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
+        (pressed_by_reactions(system.forces) is not None, "loads depend on reactions"),
+        (use_reactions(signals), "expressions depend on reactions"),
+        (signals is not None and signals.rate.size > 0, "expressions have states"),
+    )
+    return next((reason for found, reason in reasons if found), "")
+
+
+def _branches(model: Model) -> list[Branch] | None:
+    """Return the joints from the ground outwards; None where they are no tree that reaches all."""
+    grounds = {ground.name for ground in model.grounds}
+    at: dict[str, list[Joint]] = {}
+    for joint in model.joints:
+        at.setdefault(joint.parent, []).append(joint)
+        at.setdefault(joint.child, []).append(joint)
+    branches: list[Branch] = []
+    reached, known, used = list(grounds), set(grounds), set()
+    for name in reached:
+        for joint in at.get(name, ()):
+            if joint.name in used:
+                continue
+            used.add(joint.name)
+            other = joint.child if joint.parent == name else joint.parent
+            if other in known:
+                return None
+            known.add(other)
+            reached.append(other)
+            branches.append(Branch(joint, other, name, joint.parent == other))
+    return branches if len(branches) == len(model.bodies) else None
+
+
+def _build(
+    model: Model,
+    system: System,
+    start: SystemWorkspace,
+    axis: int | None,
+    branches: list[Branch],
+) -> Tree:
+    """Return the tree's arrays."""
+    frame, ground = frame_index(model), len(model.bodies)
+    number = {g.name: 0 for g in model.grounds}
+    arrays: dict[str, list[object]] = {
+        "frame": [ground],
+        "parent": [0],
+        "first": [0, 0],
+        "is_ball": [False],
+        "parent_point": [np.zeros(3)],
+        "child_point": [np.zeros(3)],
+        "alignment": [NO_ALIGNMENT],
+        "parent_axes": [IDENTITY],
+        "child_axes": [IDENTITY],
+    }
+    coordinates: list[tuple[int, bool, int, Vector]] = []
+    for b, branch in enumerate(branches, start=1):
+        number[branch.body] = b
+        axes, is_ball = _axes(branch, frame, start.frames.R, axis)
+        coordinates += [(b, slides, *place) for slides, place in axes]
+        sides = _sides(model, branch)
+        row = {
+            "frame": frame[branch.body],
+            "parent": number[branch.parent],
+            "first": len(coordinates),
+            "is_ball": is_ball,
+            "parent_point": sides[0],
+            "child_point": sides[1],
+            "alignment": _alignment(branch.joint),
+            "parent_axes": sides[2],
+            "child_axes": sides[3],
+        }
+        for name, value in row.items():
+            arrays[name].append(value)
+    return _finish(system, arrays, coordinates, not model.loads)
+
+
+def _sides(model: Model, branch: Branch) -> tuple[Vector, Vector, object, object]:
+    """Return the joint's points from the mass centres, and its axes, of the body nearer to the
+    ground and of the other one.
+    """
+    centre = {body.name: body.r_BG for body in model.bodies}
+    joint, none = branch.joint, (0.0, 0.0, 0.0)
+    first = sub(joint.parent_point, centre.get(joint.parent, none))
+    second = sub(joint.child_point, centre.get(joint.child, none))
+    if branch.reversed:
+        return second, first, joint.child_axes, joint.parent_axes
+    return first, second, joint.parent_axes, joint.child_axes
+
+
+def _alignment(joint: Joint) -> int:
+    """Return what of the joint's frames stays together."""
+    hinges = [axis for axis in KINDS[joint.kind].tree or () if not axis.slides]
+    if not hinges:
+        return ALIGN_FRAMES
+    return ALIGN_AXES if len(hinges) == 1 else NO_ALIGNMENT
+
+
+def _axes(
+    branch: Branch, frame: dict[str, int], R: np.ndarray, normal: int | None
+) -> tuple[list[tuple[bool, tuple[int, Vector]]], bool]:
+    """Return the axes of the joint, each with the frame in which it is fixed, and whether they are
+    a ball's; in a planar subsystem those along which it moves.
+    """
+    joint, parent = branch.joint, frame[branch.parent]
+    axes = KINDS[joint.kind].tree or ()
+    if len(axes) == 3 and not any(axis.slides for axis in axes):
+        if normal is None:
+            return [(False, (parent, axis)) for axis in IDENTITY], True
+        x, y, z = (float(number) for number in R[parent][normal])
+        return [(False, (parent, (x, y, z)))], False
+    found = [(axis.slides, _fixed(joint, frame, axis)) for axis in axes]
+    # An axis that is fixed in the tree's parent acts before one that is fixed in its child.
+    found.sort(key=lambda entry: not entry[0] and entry[1][0] != parent and len(axes) == 2)
+    if normal is None:
+        return found, False
+    kept = []
+    for slides, (owner, vector) in found:
+        along = abs(float(R[owner][normal] @ np.array(vector))) > ALONG
+        if along != slides:
+            kept.append((slides, (owner, vector)))
+    return kept, False
+
+
+def _fixed(joint: Joint, frame: dict[str, int], axis: TreeAxis) -> tuple[int, Vector]:
+    """Return the frame that has the ``axis``, and the axis there."""
+    if axis.owner == CHILD:
+        return frame[joint.child], joint.child_axes[axis.axis]
+    assert axis.owner == PARENT
+    return frame[joint.parent], joint.parent_axes[axis.axis]
+
+
+def _finish(
+    system: System,
+    arrays: dict[str, list[object]],
+    coordinates: list[tuple[int, bool, int, Vector]],
+    bare: bool,
+) -> Tree:
+    """Return the tree of these bodies and coordinates; ``bare`` if nothing but gravity acts."""
+    frames, bodies = system.frames, system.bodies
+    columns: dict[str, np.ndarray] = {name: np.array(rows) for name, rows in arrays.items()}
+    columns["first"] = columns["first"].astype(np.int64)
+    of_frame = {int(f): k for k, f in enumerate(bodies.frame)}
+    own = [of_frame[int(f)] for f in columns["frame"][1:]]
+    body = np.array([b for b, *_ in coordinates], dtype=np.int64)
+    slides = np.array([s for _, s, *_ in coordinates], dtype=bool)
+    before, depth = _paths(columns["parent"], columns["first"])
+    return Tree(
+        **{
+            name: column.astype(float) if column.ndim > 1 else column
+            for name, column in columns.items()
+        },
+        mass=np.append(0.0, 1.0 / bodies.inverse_mass[own]),
+        inertia=np.concatenate([np.zeros((1, 3, 3)), bodies.inertia[own]]),
+        bare=bare,
+        gravity=bodies.gravity if bare else np.zeros(3),
+        body=body,
+        slides=slides,
+        axis_frame=np.array([f for *_, f, _ in coordinates], dtype=np.int64),
+        axis=np.array([axis for *_, axis in coordinates], dtype=float).reshape(-1, 3),
+        before=before,
+        row=np.append(0, np.cumsum(depth)).astype(np.int64),
+        length=np.where(slides, 1.0, frames.length[columns["frame"][body]]),
+    )
+
+
+def _paths(parent: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for each coordinate, the one before it, and how many there are up to it."""
+    last = [-1]  # coordinate of each body's path that is farthest from the ground
+    before: list[int] = []
+    depth: list[int] = []
+    for b in range(1, parent.size):
+        k = last[parent[b]]
+        for own in range(first[b], first[b + 1]):
+            before.append(k)
+            depth.append(1 + (depth[k] if k >= 0 else 0))
+            k = own
+        last.append(k)
+    return np.array(before, dtype=np.int64), np.array(depth, dtype=np.int64)
