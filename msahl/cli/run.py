@@ -297,7 +297,8 @@ class RunCommand:
             lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
             lines.append(
                 f"{report.unknowns} unknowns in {report.subsystems} subsystems "
-                f"({report.planar_subsystems} planar), {report.iterations} iterations, "
+                f"({report.planar_subsystems} planar, {report.tree_subsystems} in joint coordinates), "
+                f"{report.iterations} iterations, "
                 f"{report.factorisations} factorisations, {report.scipy_steps} steps by scipy, "
                 f"{report.path_steps} by continuation, {report.subdivisions} subdivisions"
             )
