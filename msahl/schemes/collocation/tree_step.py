@@ -219,7 +219,9 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             stages.predicted_well[0] = 1.0 if residual <= PREDICTED_WELL else 0.0
         ratio = contraction(tree, residual, before, iteration, h)
         left = residual * min(1.0, ratio)
-        if (left <= TARGET and residual <= most) or (ratio > STUCK and residual <= TOLERANCE):
+        if left <= TARGET and residual <= most:
+            return left
+        if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
             return left
         if iteration > 0 and is_hopeless(residual, ratio, MAX_ITERATIONS - 1 - iteration):
             return math.inf
