@@ -6,7 +6,7 @@ element has them: an open tree of rigid bodies on the ground, by joints that sta
 rest keeps absolute coordinates, and ``Formulation.reason`` says why.
 
 A mass matrix in joint coordinates takes work by the square of the number of coordinates between a
-body and the ground: long chains are quicker in absolute coordinates, whose work is proportional to
+body and the ground: long chains are faster in absolute coordinates, whose work is proportional to
 the number of bodies.
 """
 
