@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from msahl.analysis.inverse.drives import InverseError
     from msahl.api.batch import BatchError, batch
     from msahl.api.derivatives import GradientError, Gradients
+    from msahl.api.importing import import_file
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
     from msahl.check import ModelError
@@ -37,6 +38,7 @@ __all__ = [
     "ResultError",
     "StartError",
     "batch",
+    "import_file",
     "load",
     "read",
 ]
@@ -54,6 +56,7 @@ _PLACES = {
     "ResultError": "msahl.results.info",
     "StartError": "msahl.start.velocities",
     "batch": "msahl.api.batch",
+    "import_file": "msahl.api.importing",
     "load": "msahl.api.model",
     "read": "msahl.api.result",
 }

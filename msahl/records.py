@@ -73,9 +73,10 @@ def _compared(cls: Kind) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def _is_equal(self: Any, other: object) -> bool:
-    if other.__class__ is not self.__class__:
+    kind: Kind = self.__class__
+    values = _compared(kind)
+    if other.__class__ is not kind:
         return NotImplemented
-    values = _compared(self.__class__)
     return values(self) == values(other)
 
 

@@ -9,11 +9,6 @@ MOST_LINES, MOST_PARAMETERS = 50, 7
 KERNELS_OF_MANY_PARAMETERS = {
     "msahl.algebra.functions._part",
     "msahl.algebra.functions._stretch",
-    "msahl.elements.constraints.equations.free_acceleration",
-    "msahl.elements.constraints.equations.jacobian",
-    "msahl.elements.constraints.equations.motion_work",
-    "msahl.elements.constraints.equations.residual",
-    "msahl.elements.constraints.equations.work",
     "msahl.elements.constraints.products._owner_stiffness",
     "msahl.elements.constraints.products.stiffness",
     "msahl.elements.constraints.scalar.accept",

@@ -28,7 +28,7 @@ PAGES = [
 ]
 
 
-ADDED = {"point_on_cylinder", "viscous", "viscous_drag", "cogging", "ball"}
+ADDED = {"point_on_cylinder", "viscous", "viscous_drag", "cogging", "ball", "gyrostat", "rotors"}
 """Files that a reader of the guide to new elements makes."""
 
 
@@ -105,7 +105,7 @@ def functions_of(heading):
     [
         ("Adding a force", point),
         ("Adding a force along a coordinate", coordinate),
-        ("Adding a kind of body", rigid_body),
+        ("Adding a kind of body with inertia of its own", rigid_body),
     ],
 )
 def test_the_guide_names_the_functions_of_an_element(heading, module):

@@ -44,6 +44,7 @@ ORDER = (
     "analysis",
     "post",
     "study",
+    "importers",
     "api",
     "sweep",
     "serve",

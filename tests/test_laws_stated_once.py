@@ -21,7 +21,14 @@ def test_names_do_not_matter_and_numbers_do():
     assert shape(parsed(KINETIC)) != shape(parsed(KINETIC.replace("0.5", "0.25")))
 
 
-def test_the_list_has_every_law_of_force_and_joint():
+def test_the_list_has_every_law_of_force_and_joint_and_every_constraint_function():
     places = dict(laws())
     assert places["force drag"].startswith("msahl/laws/drag.py:")
     assert places["joint revolute"].startswith("msahl/joints/revolute.py:")
+    functions = [place for law, place in places.items() if law.startswith("constraint function")]
+    assert {place.partition(":")[0] for place in functions} == {
+        "msahl/elements/beams/strain.py",
+        "msahl/elements/constraints/coincide.py",
+        "msahl/elements/constraints/coordinate_kinds.py",
+        "msahl/elements/constraints/products.py",
+    }

@@ -2,8 +2,9 @@
 
 Usage: python tools/laws.py
 
-Laws of forces and joints come from their registries, all others are the modules of ``elements/``
-and ``ports/`` with the first line of their docstrings. Two functions state the same formula if
+Laws of forces and joints come from their registries, constraint functions and strains from the
+functions that state them, all others are the modules of ``elements/`` and ``ports/`` with the first
+line of their docstrings. Two functions state the same formula if
 their instructions are the same but for local names.
 """
 
@@ -14,12 +15,24 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+from msahl.elements.beams import strain
+from msahl.elements.constraints import coincide, coordinate_kinds, products
 from msahl.joints.registry import KINDS
 from msahl.laws.registry import COORDINATE_LAWS, POINT_LAWS
 
 ROOT = Path(__file__).parents[1]
 STATED_IN = ("laws", "joints", "elements", "ports")
 """Packages of ``msahl`` that state laws."""
+FUNCTIONS: dict[str, object] = {
+    "coinciding points": coincide.violation,
+    "scalar products": products.gradient,
+    "distance": coordinate_kinds._weigh_radius,
+    "angle": coordinate_kinds._weigh_angle,
+    "height of a disk's rim": coordinate_kinds._weigh_round,
+    "crossed cylinders": coordinate_kinds._weigh_skew,
+    "strains of a beam": strain.strain_at,
+}
+"""Constraint functions and strains, by the functions that state value, change and derivatives."""
 FORMULA = 20
 """Syntax nodes of the shortest function that counts as a formula: shorter ones look up a number."""
 
@@ -43,6 +56,8 @@ def laws() -> Iterator[tuple[str, str]]:
         yield f"force {along.name}", _place(stated)
     for kind in KINDS.values():
         yield f"joint {kind.name}", _place(kind.equations)
+    for name, function in FUNCTIONS.items():
+        yield f"constraint function {name}", _place(function)
     for package in ("elements", "ports"):
         for path in sorted((ROOT / "msahl" / package).rglob("*.py")):
             first = (ast.get_docstring(ast.parse(path.read_text())) or "").split("\n")[0]

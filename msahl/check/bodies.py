@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.algebra.vector import Matrix
-from msahl.check.faults import Finding
+from msahl.check.faults import LARGEST, Finding
+from msahl.check.possible_inertia import nearest_possible
 from msahl.model import RigidBody
 
 TRIANGLE = 1e-9
@@ -14,6 +15,10 @@ plates and thin rods reach the sum exactly, but for rounding."""
 
 POSITIVE = 1e-12
 """A principal moment below this share of the largest entry counts as zero."""
+
+TENSOR = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
+"""Names of the entries of a tensor, and their places."""
 
 SYMMETRIC = 1e-9
 """Share of the largest entry by which entries across the diagonal may differ."""
@@ -30,7 +35,18 @@ def body_findings(body: RigidBody, scale: float | None = None) -> Iterator[Findi
         yield Finding("mass", message)
     complaint = impossible(body.inertia, scale)
     if complaint:
-        yield Finding("inertia", complaint)
+        yield Finding("inertia", complaint + _nearest(body))
+
+
+def _nearest(body: RigidBody) -> str:
+    """Return the nearest possible tensor, in words."""
+    J = np.array(body.inertia)
+    if not (np.isfinite(J).all() and np.abs(J).max() <= LARGEST and body.mass > 0.0):
+        return ""
+    J = nearest_possible(J, body.mass)
+    entries = zip(TENSOR, J[ENTRIES], strict=True)
+    words = ", ".join(f"{name} {value:.6g}" for name, value in entries)
+    return f"; the nearest possible tensor about G has {words} kg-m^2 (msahl check --repair)"
 
 
 def _is_plainly_possible(J: Matrix, scale: float | None) -> bool:

@@ -17,10 +17,12 @@ from msahl.terminal import Program
 from msahl.version import VERSION
 
 COMMANDS = (
-    "check", "compile", "equilibrium", "explain", "inverse", "kinematics", "linearize", "modes",
-    "new", "run", "schema", "serve", "show", "study", "sweep",
+    "check", "compile", "equilibrium", "explain", "import", "inverse", "kinematics", "linearize",
+    "modes", "new", "run", "schema", "serve", "show", "study", "sweep",
 )  # fmt: skip
-"""All commands, each in the module ``msahl.cli`` of its name."""
+"""All commands, each in the module of ``msahl.cli`` of its name."""
+PYTHONS = ("import",)
+"""Commands that are called as a word of Python's: their modules have an underscore behind it."""
 DENSE = ("linearize", "modes")
 """Commands that solve dense eigenvalue problems, in as many threads as there are cores."""
 
@@ -46,7 +48,7 @@ class Commands(Program):
             return None
         if cmd_name not in DENSE:
             use_one_thread()
-        module = import_module(f"msahl.cli.{cmd_name}")
+        module = import_module(f"msahl.cli.{cmd_name}{'_' * (cmd_name in PYTHONS)}")
         # A command named as a function of Python's has an underscore behind its name.
         command: click.Command = getattr(module, f"{cmd_name}_", None) or getattr(module, cmd_name)
         return command

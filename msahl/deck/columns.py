@@ -110,7 +110,7 @@ class ColumnReader(Reader):
 
     @classmethod
     def beside(cls, reader: Reader, size: int) -> "ColumnReader":
-        """Return a reader of columns that knows what ``reader`` does."""
+        """Return a reader of columns with the tables of ``reader``."""
         known = {f.name: getattr(reader, f.name) for f in fields(Reader)}
         known["faults"] = cast(Faults, _NoFaults())
         return cls(**known, size=size, doubtful=np.zeros(size, dtype=bool))

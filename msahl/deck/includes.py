@@ -6,6 +6,8 @@ Every name that the part defines gets the prefix, wherever the part uses it: ele
 names in expressions. Other names mean what they mean in the file that includes the part. So all
 names stand in one space afterwards, and ``FL.side`` is a parameter of the deck.
 
+A mass table in CSV (``msahl.deck.mass_table``) is a part, too.
+
 A part is a file beside the including one or below, never elsewhere. Depth, number and size of parts
 are bounded.
 """
@@ -18,6 +20,7 @@ from lxml.etree import SubElement
 
 from msahl.check.names import FORBIDDEN
 from msahl.deck.faults import DeckError, Element, Faults, attribute, collapsed, text
+from msahl.deck.mass_table import read_mass_table
 from msahl.deck.parameters import unknown_unit
 from msahl.deck.parse import PART, parse, read_bytes
 from msahl.deck.schema import check_schema
@@ -25,6 +28,8 @@ from msahl.deck.schema_types import EXPRESSION, NAME, NUMBERS, types
 from msahl.deck.units import parse_unit
 from msahl.expressions.syntax import inside_braces, nearest, renamed
 
+TABLE = ".csv"
+"""Ending of mass tables."""
 MOST_DEEP = 8
 """Parts inside one another."""
 MOST_PARTS = 1000
@@ -142,7 +147,10 @@ def _read(file: Path, unit_system: str, work: _Work, faults: Faults) -> Element:
     if work.parts > MOST_PARTS or work.size > MOST_BYTES:
         most = f"{MOST_PARTS} parts or {MOST_BYTES // 2**20} MiB"
         faults.stop(f"the deck includes more than {most}; include fewer")
-    part = parse(data, faults, PART)
+    if file.suffix.lower() == TABLE:
+        part = read_mass_table(data, unit_system, faults)
+    else:
+        part = parse(data, faults, PART)
     check_schema(part, faults)
     faults.raise_if_any()
     if unit_system_of(part) != unit_system:

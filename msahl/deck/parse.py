@@ -80,8 +80,14 @@ def is_plain(root: Element, data: bytes, settings: Sequence[str]) -> bool:
     return not (expands or (b"<beam" in data and root.find("system/bodies/beam") is not None))
 
 
-def parse(data: bytes, faults: Faults, tag: str = DECK) -> Element:
-    """Return the root without comments; raise ``DeckError`` unless its tag is ``tag``."""
+def parse(
+    data: bytes,
+    faults: Faults,
+    tag: str | tuple[str, ...] = DECK,
+    attributes: int = MOST_ATTRIBUTES,
+) -> Element:
+    """Return the root without comments; raise ``DeckError`` unless its tag is ``tag``, or one of
+    several of foreign files. Elements have up to so many ``attributes``."""
     line = _doctype_line(data)
     if line:
         faults.stop(_NO_DTD, line)
@@ -93,15 +99,22 @@ def parse(data: bytes, faults: Faults, tag: str = DECK) -> Element:
     # The search above cannot read every encoding that this parser can.
     if root.getroottree().docinfo.internalDTD is not None:
         faults.stop(_NO_DTD, 1)
-    if root.tag != tag:
-        what = {DECK: "deck", PART: "part"}
-        other = f" (that of a {what[root.tag]})" if root.tag in what else ""
-        message = f"the root element is <{root.tag}>{other}; a {what[tag]}'s is <{tag}>"
-        faults.stop(message, line_of(root))
-    for element in _found(root, f"//*[count(@*) > {MOST_ATTRIBUTES}]"):
+    if root.tag != tag and root.tag not in (tag if isinstance(tag, tuple) else ()):
+        faults.stop(_wrong_root(str(root.tag), tag), line_of(root))
+    for element in _found(root, f"//*[count(@*) > {attributes}]"):
         faults.stop(f"<{element.tag}> has {len(element.attrib)} attributes", line_of(element))
     _drop_instance_attributes(root, faults)
     return root
+
+
+def _wrong_root(found: str, tag: str | tuple[str, ...]) -> str:
+    """Return the message for a root element that is none of those expected."""
+    what = {DECK: "deck", PART: "part"}
+    other = f" (that of a {what[found]})" if found in what else ""
+    if isinstance(tag, tuple):
+        expected = " or ".join(f"<{one}>" for one in tag)
+        return f"the root element is <{found}>{other}; expected {expected}"
+    return f"the root element is <{found}>{other}; a {what[tag]}'s is <{tag}>"
 
 
 def parse_with_comments(data: bytes) -> Element:

@@ -11,9 +11,9 @@ import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, put, sub
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
-from msahl.elements.constraints.equations import coefficients, law_rate
+from msahl.elements.constraints.equations import coefficients
 from msahl.elements.constraints.products import Q_B, U_B
-from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace, law_rate
 from msahl.formulations.absolute.frames import Frames, mean, point_arm
 from msahl.jit.kernel import kernel
 
@@ -134,7 +134,7 @@ def write_reactions(
         table[row, column] = load
         column += 1
         if scalar.equations.law[r] >= 0:
-            table[row, column] = load * law_rate(scalar.equations, scalar.laws, r, t)
+            table[row, column] = load * law_rate(scalar, r, t)
             column += 1
 
 

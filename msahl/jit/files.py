@@ -50,7 +50,7 @@ def user_folder() -> Path:
 def _cache_folder() -> str:
     """Return the program's folder for what can be made again, where the system has it.
 
-    ``platformdirs`` knows all systems. Its usual answer on Linux is given here: to import it takes
+    ``platformdirs`` serves all systems. Its usual answer on Linux is given here: to import it takes
     longer than to find and load the code of a model.
     """
     chosen, home = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME", "")

@@ -17,7 +17,7 @@ from msahl.model.markers import Group, Marker, Sensor
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
 from msahl.model.shapes import BeamShape, Shape
-from msahl.model.signals import AnySignal, Stop
+from msahl.model.signals import AnySignal, SignalState, Stop
 from msahl.records import record
 
 
@@ -71,6 +71,11 @@ class Model:
         """
         loads = (load for load in self.loads if isinstance(load, ConcentratedLoad))
         return tuple(load for load in loads if load.expression is not None)
+
+    @property
+    def states(self) -> tuple[SignalState, ...]:
+        """The auxiliary states, in the order of the signals."""
+        return tuple(signal for signal in self.signals if isinstance(signal, SignalState))
 
 
 def in_deck(model: Model, name: str) -> str:

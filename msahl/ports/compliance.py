@@ -22,7 +22,8 @@ models have it as a force; there the unknown stands alone, in an equation with t
 
 An equation is divided by 1 + c/dt2, c = mass/k, and by more with damping, as those of elastic
 strains are (``elements.beams.midpoint``): a stiff spring has the equation of a constraint, and that
-of a soft one determines its load. Multipliers are scaled as in ``constraints.equations``.
+of a soft one determines its load. Multipliers are scaled as all are
+(``formulations.absolute.multipliers``).
 """
 
 from typing import NamedTuple
@@ -45,10 +46,10 @@ from msahl.formulations.absolute.frames import (
     Frames,
     FramesWorkspace,
     displacement_node,
-    first_multiplier,
     put_rotation,
     rotation_increment,
 )
+from msahl.formulations.absolute.multipliers import by_unknown, multiplier, place_of
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import coordinate as spring
 from msahl.ports.coordinate import AlongForces
@@ -119,8 +120,8 @@ def set_loads(
         s, q = group.spring[j], coordinate_of(group, springs, j)
         T, _ = spring.tension(springs, laws, s, spring.elongation(springs, start, s))
         load[j] = -T - springs.damping[s] * rate[q]
-        node = first_multiplier(frames) + group.place[j, 0]
-        F[node, group.place[j, 1]] = load[j] / (group.mass[j] * group.scale[j])
+        node, slot = place_of(group, frames, j)
+        F[node, slot] = load[j] / by_unknown(group, 1.0, j)
 
 
 @optional()
@@ -192,8 +193,8 @@ def mean_residual(
     h, dt2 = step
     for j in range(group.spring.size):
         s, q = group.spring[j], coordinate_of(group, springs, j)
-        node, slot = first_multiplier(frames) + group.place[j, 0], group.place[j, 1]
-        lam = Z[node, slot] * group.mass[j] * group.scale[j] / dt2
+        node, slot = place_of(group, frames, j)
+        lam = multiplier(group, frames, Z, dt2, j)
         start.load[q] += lam
         start.size[q] += abs(lam)
         row = strain(group, springs, j, elongation[j])
@@ -238,11 +239,10 @@ def _add_blocks(
     """
     factor, share = factors
     q, slot = coordinate_of(group, springs, j), group.place[j, 1]
-    by_unknown = group.mass[j] * group.scale[j] / abs(factor)
     for part in range(PARTS):
         down, right = group.force_block[j, part], group.equation_block[j, part]
         if down > 0:
-            by_lam = by_unknown * row_factor(coords, frames, factor, q, part)
+            by_lam = by_unknown(group, factor, j) * row_factor(coords, frames, factor, q, part)
             for i in range(3):
                 values[down + 3 * i + slot] += by_lam * start.force[q, part, i]
                 slope = group.scale[j] * start.slope[q, part, i]
@@ -340,8 +340,8 @@ def set_stage_equations(
     dt2 = 0.5 * h * h
     for j in range(group.spring.size):
         q = coordinate_of(group, springs, j)
-        node, slot = first_multiplier(frames) + group.place[j, 0], group.place[j, 1]
-        load[j] = Z[node, slot] * group.mass[j] * group.scale[j] / dt2
+        node, slot = place_of(group, frames, j)
+        load[j] = multiplier(group, frames, Z, dt2, j)
         row = strain(group, springs, j, elongation[j])
         row += retardation(group, springs, j) * rate[q]
         row = dt2 * group.scale[j] * row + own_compliance(group, j) * Z[node, slot]

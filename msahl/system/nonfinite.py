@@ -117,7 +117,7 @@ def names_of_users(model: Model, system: System, switch: int) -> list[str]:
 
 def _names_of_expressions(model: Model) -> list[str]:
     """Names of published values, rates of states and conditions, in the order of the signals."""
-    states = [f"state '{s.name}'" for s in model.signals if isinstance(s, SignalState)]
+    states = [f"state '{s.name}'" for s in model.states]
     published = [s for s in model.signals if isinstance(s, Signal | SignalState)]
     names = [
         f"{'signal' if isinstance(signal, Signal) else 'state'} '{signal.name}'"

@@ -91,7 +91,6 @@ class SignalCollector:
         for name in reached([*trees.values(), *others], {}):
             if name not in trees:
                 self._input(name)
-        states = tuple(s for s in model.signals if isinstance(s, SignalState))
         published = [Name(s.name) for s in model.signals if not isinstance(s, SignalTable)]
         results = tuple(
             self._result(column[load.name], load, law)
@@ -100,7 +99,7 @@ class SignalCollector:
         return SignalEntries(
             named={s.name: s.expression for s in model.signals if isinstance(s, Signal)},
             tables={s.name: s.table for s in model.signals if isinstance(s, SignalTable)},
-            states=states,
+            states=model.states,
             shown=(*published, *laws),
             stops=tuple(stop.expression for stop in model.stops),
             inputs=tuple(entry for _, entry in self._inputs.values()),

@@ -11,7 +11,7 @@ from msahl.elements.constraints import coordinates
 from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import kernel
-from msahl.model import Model, SignalState, resolve
+from msahl.model import Model, resolve
 from msahl.model.beams import is_damped
 from msahl.ports import compliance, forces
 from msahl.system.arrays import State, System, coordinate_count, new_coordinates_workspace
@@ -53,7 +53,7 @@ def build_state(model: Model, system: System) -> State:
         v_rise=np.zeros_like(x),
         w_rise=np.zeros_like(x),
         stretch=forces.new_stretch(system.forces),
-        auxiliary=np.array([s.initial for s in model.signals if isinstance(s, SignalState)], float),
+        auxiliary=np.array([s.initial for s in model.states], float),
         strain=strain,
         strain_rise=np.zeros_like(strain),
         elongation=forces.new_elongation(system.forces),

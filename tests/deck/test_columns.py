@@ -17,7 +17,7 @@ from msahl.model import RigidBody
 N = 2 * columns.LEAST
 
 
-def turned(n):
+def rotated(n):
     """A chain of bodies with mass centres, velocities and axes of their own, in mixed units."""
     root = etree.fromstring(chain_deck(n, 0.01, 0.1).encode())
     for k, body in enumerate(root.iterfind("system/bodies/rigidBody")):
@@ -45,13 +45,13 @@ def add(parent, tag, text="", **children):
 
 DECKS = {
     "chain": chain_deck(N, 0.01, 0.1).encode(),
-    "turned": turned(N),
+    "rotated": rotated(N),
     "net": structure_deck("net", N).encode(),
 }
 
 
 def outcome(data):
-    """The model as text, which tells 0.0 from -0.0, or the faults of a deck."""
+    """The model as text, in which -0.0 is not 0.0, or the faults of a deck."""
     try:
         return repr(Source.of(data).model())
     except DeckError as error:

@@ -25,7 +25,7 @@ DECK = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 SHORT = ("run", DECK, "--t-final", "0.02", "--solver", "newton")
 LONG = ("run", DECK, "--t-final", "100000", "--solver", "newton", "--error", "off")
 MSAHL = (sys.executable, "-c", "from msahl.entry import main; main()")
-SERVED = (*MSAHL[:2], f"import sys; sys.modules['msahl.cli.main'] = None; {MSAHL[2]}")
+SERVED = (*MSAHL[:2], f"import sys; sys.modules['msahl.cli.start'] = None; {MSAHL[2]}")
 """A client that cannot carry out a command itself."""
 SECONDS = 120
 """Time limit; nothing takes that long unless it hangs."""

@@ -61,23 +61,24 @@ def apply(root, changes):
 def call(root, *arguments):
     """``msahl`` of the copy, in plain Python: nothing is compiled for an element of a test."""
     program = "import sys; from msahl.cli.main import main; main(sys.argv[1:])"
-    return _python(root, "-c", program, *arguments)
+    return python(root, "-c", program, *arguments)
 
 
 def call_all(root, *commands):
     """Commands of the copy, ``msahl`` or ``msahl-post`` with their words, one after another in one
     process, each of which must succeed.
     """
-    result = _python(root, "-c", ONE_AFTER_ANOTHER, *commands)
+    result = python(root, "-c", ONE_AFTER_ANOTHER, *commands)
     assert result.returncode == 0, result.stdout[-2000:] + result.stderr[-2000:]
 
 
 def run_tests(root, *arguments):
     """Tests of the copy, in plain Python."""
-    return _python(root, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments)
+    return python(root, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments)
 
 
-def _python(root, *arguments):
+def python(root, *arguments):
+    """Python with the copy, uncompiled, as a command line."""
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
     command = [sys.executable, "-P", *arguments]
     return subprocess.run(

@@ -21,14 +21,14 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import Solution
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
-from msahl.elements.beams import instant
-from msahl.elements.reactions import write_reactions
-from msahl.formulations.absolute.rigid_body import write_states
 from msahl.model import (
     Actuator,
     Bushing,
     ConcentratedLoad,
+    JointActuator,
     JointSpring,
+    Load,
+    MarkerActuator,
     Model,
     PointLoad,
     SpringDamper,
@@ -45,6 +45,7 @@ from msahl.run.tables import (
     WORK,
     tables_of_model,
 )
+from msahl.schemes.common.workspace import write_configuration
 from msahl.system.arrays import SystemWorkspace, Tables, new_tables
 from msahl.system.collect import collect
 from msahl.system.names import (
@@ -61,6 +62,11 @@ NUMBER = "equilibrium"
 """First column of every table of equilibria."""
 PAIRS = ((2, 1), (0, 2), (1, 0))
 """Axes of parent and child whose product is a bushing's rotation about x, y and z."""
+COLUMNS: dict[type[Load], tuple[str, ...]] = {
+    **dict.fromkeys((SpringDamper, JointSpring, JointActuator, MarkerActuator), (LOAD_COLUMN,)),
+    **dict.fromkeys((ConcentratedLoad, Bushing, PointLoad), (*FORCE_COLUMNS, *MOMENT_COLUMNS)),
+}
+"""What ``loads.csv`` has of each kind of load."""
 
 
 def tables(found: list[Solution]) -> dict[str, tuple[list[str], np.ndarray]]:
@@ -112,35 +118,15 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
     """What the elements need of a configuration, and its row of the tables of the steppers."""
     system, state = point.system, point.state
     start, written = prepared(system, state), new_tables(system, state, 1)
-    write_states(system.bodies, state.x, state.p, start.frames, state.w, written.states, 0)
-    write_reactions(
-        system.shown, system.scalar, state.reaction, state.force, 0.0, written.reactions, 0
-    )
-    instant.write_resultants(system.beams, state.force, written.resultants, 0)
     forces.elastic_energy(system.forces, start.forces, system.scalar)
-    forces.publish_energy(system.forces, start.forces, state.work.size, written.work, 0)
-    instant.publish_energy(system.beams, start.beams, written.work, 0)
-    system_forces = system.forces
-    forces.publish_signals(
-        system_forces.signals,
-        system_forces.actuator,
-        start.forces,
-        system.scalar,
-        written.signals,
-        0,
-    )
+    write_configuration(system, state, start, (state.force, state.reaction, 0.0), written, 0)
     return start, written
 
 
 def load_columns(model: Model) -> list[str]:
     """Header of ``loads.csv``, with the time."""
-    names = ["time"]
-    for load in model.loads:
-        if isinstance(load, SpringDamper | JointSpring | Actuator):
-            names.append(f"{load.name}.{LOAD_COLUMN}")
-        elif isinstance(load, ConcentratedLoad | Bushing | PointLoad):
-            names += [f"{load.name}.{c}" for c in (*FORCE_COLUMNS, *MOMENT_COLUMNS)]
-    return names
+    columns = ((load.name, COLUMNS.get(type(load), ())) for load in model.loads)
+    return ["time", *(f"{name}.{column}" for name, own in columns for column in own)]
 
 
 def _loads(point: Point, start: SystemWorkspace, signals: np.ndarray) -> Iterator[np.ndarray]:

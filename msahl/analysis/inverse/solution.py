@@ -23,13 +23,13 @@ from msahl.analysis.inverse.states import advance
 from msahl.analysis.inverse.table import LEAST_ROWS, GivenMotion, Track, spins
 from msahl.analysis.kinematics.configuration import copied, copy_to, new_equations, predict
 from msahl.analysis.linearised.point import at_start
-from msahl.elements.reactions import write_reactions
-from msahl.formulations.absolute.rigid_body import write_accelerations, write_states
+from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import compiled_once
 from msahl.joints.coordinates import ORIENTATION
 from msahl.model import Model
 from msahl.ports import forces
 from msahl.records import record
+from msahl.schemes.common.workspace import write_configuration
 from msahl.system import evaluate
 from msahl.system.arrays import State, Tables, new_tables
 
@@ -323,11 +323,6 @@ class _Work:
         """Write the solved state to a row of all tables."""
         equations, tables = self.follower.equations, self.tables
         system, start = equations.system, equations.start
-        write_states(system.bodies, state.x, state.p, start.frames, state.w, tables.states, row)
-        write_reactions(
-            *(system.shown, system.scalar, state.reaction, state.force, float(state.time[0])),
-            *(tables.reactions, row),
-        )
         write_accelerations(
             *(system.bodies, start.frames, state.w, state.a, state.alpha),
             *(tables.accelerations, row),
@@ -339,11 +334,8 @@ class _Work:
         self.energy[row] = sum(
             equations.call(evaluate.observe, system, state, start, zeros, zeros.copy())
         )
-        forces.publish_energy(system.forces, start.forces, power.size, tables.work, row)
-        forces.publish_signals(
-            *(system.forces.signals, system.forces.actuator, start.forces, system.scalar),
-            *(tables.signals, row),
-        )
+        loads = state.force, state.reaction, float(state.time[0])
+        write_configuration(system, state, start, loads, tables, row)
 
     def _non_unique(self, driven: Model) -> dict[str, list[str]]:
         """Return the columns of reactions that are not unique at the first, middle or last row."""

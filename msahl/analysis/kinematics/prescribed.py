@@ -7,7 +7,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.kinematics.configuration import Equations, jacobian, solve, violations
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import columns, coordinates
-from msahl.model import JointMotion, Model, SignalState
+from msahl.model import JointMotion, Model
 from msahl.run.joint_table import JointTable
 from msahl.start.redundancy import INDEPENDENT
 from msahl.start.velocities import StartError
@@ -35,7 +35,7 @@ def require_prescribed(model: Model, equations: Equations, state: State) -> int:
             "the model has beams, which loads deform: positions do not follow from prescribed "
             "motions alone; run the deck with msahl run"
         )
-    states = [signal.name for signal in model.signals if isinstance(signal, SignalState)]
+    states = [signal.name for signal in model.states]
     if states:
         raise StartError(
             f"the loads depend on auxiliary states ({listed(states)}), which have to be "

@@ -5,7 +5,6 @@ import numpy as np
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, residual_in_words
 from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes
-from msahl.model import SignalState
 
 PARTS = 3
 """Largest parts of a shape that are named."""
@@ -83,7 +82,7 @@ def largest_parts(point: Point, found: Modes, m: int) -> str:
     names = [f"{body.name}.{c}" for body in point.model.bodies for c in SHAPE_COLUMNS]
     if not sizes.max(initial=0.0) > 0.0:
         sizes = np.abs(found.states[m])
-        names = [s.name for s in point.model.signals if isinstance(s, SignalState)]
+        names = [s.name for s in point.model.states]
     largest = float(sizes.max(initial=0.0)) or 1.0
     order = np.argsort(-sizes, kind="stable")[:PARTS]
     named = [(names[k], sizes[k] / largest) for k in order if sizes[k] > SMALL_PART * largest]

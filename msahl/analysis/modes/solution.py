@@ -29,7 +29,6 @@ from msahl.analysis.modes.sparse_eigenvalues import (
     without_stiffness,
 )
 from msahl.analysis.modes.zero_eigenvalues import MOST as MOST_ZEROS
-from msahl.model import SignalState
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 from msahl.system.names import describe_row
@@ -327,7 +326,7 @@ def mode_rows(found: Modes) -> np.ndarray:
 def shape_columns(point: Point) -> list[str]:
     """Header of shapes.csv."""
     names = [f"{body.name}.{c}" for body in point.model.bodies for c in SHAPE_COLUMNS]
-    names += [s.name for s in point.model.signals if isinstance(s, SignalState)]
+    names += [s.name for s in point.model.states]
     return ["mode", *(f"{name}.{part}" for name in names for part in ("real", "imaginary"))]
 
 

@@ -118,7 +118,7 @@ def input_faults(point: Point, names: Sequence[str]) -> list[str]:
 def _known(point: Point, found: Evaluated) -> dict[str, Callable[[], Input]]:
     """Return what makes each input, by its name."""
     model, make = point.model, _Maker(point, found)
-    states = [s.name for s in model.signals if isinstance(s, SignalState)]
+    states = [s.name for s in model.states]
     known: dict[str, Callable[[], Input]] = {}
 
     def add(name: str, function: Callable[..., Input], *given: object) -> None:

@@ -42,7 +42,6 @@ from msahl.analysis.state_space.states import (
 )
 from msahl.expressions.syntax import nearest
 from msahl.formulations.absolute.frames import moving_count
-from msahl.model import SignalState
 from msahl.run.column_units import quantity
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
@@ -186,7 +185,7 @@ def _acting(resolved: Sequence[Input], found: Coefficients) -> Inputs:
 def _input_columns(point: Point, resolved: Sequence[Input], changes: Variations) -> list[int]:
     """Return which column of the changes belongs to each input."""
     first = changes.degrees_of_freedom + changes.rate_degrees_of_freedom
-    states = [s.name for s in point.model.signals if isinstance(s, SignalState)]
+    states = [s.name for s in point.model.states]
     acting = iter(range(changes.inputs, changes.places.shape[1]))
     return [
         first + states.index(INPUT.format(each.name)) if each.signal else next(acting)

@@ -16,7 +16,7 @@ import numpy as np
 from msahl.analysis.linearised.variations import Variations
 from msahl.analysis.state_space.columns import BODIES, BODY_COORDINATES, LEVELS, Column, Columns
 from msahl.joints.coordinates import coordinates, is_angle
-from msahl.model import Model, SignalState
+from msahl.model import Model
 from msahl.run.tables import JOINTS
 
 COORDINATES, NULLSPACE = CHOICES = ("coordinates", "nullspace")
@@ -171,7 +171,7 @@ def with_others(states: States, model: Model, changes: Variations, found: "Other
     """Return the ``states`` with auxiliary ones and those of prescribed motions."""
     d, r = changes.degrees_of_freedom, changes.rate_degrees_of_freedom
     k, s, total = changes.places.shape[1], found.states.size, len(changes.states)
-    names = [s.name for s in model.signals if isinstance(s, SignalState)][:s]
+    names = [s.name for s in model.states][:s]
     moved = range(d + r + total, changes.inputs)
     columns = np.zeros((s, k))
     columns[np.arange(s), d + r + np.arange(s)] = 1.0

@@ -2,7 +2,7 @@
 
 Joints other than coinciding points, couplings and prescribed motions are made of them; springs and
 friction act along the same coordinates (``ports``). ``coordinates`` has the coordinates,
-``equations`` the equations; here are the functions that the schemes call.
+``equations`` one equation; here are the functions that the schemes call.
 
 A system of coinciding points alone (``coincide``) has no scalar constraints: the group is None.
 Every function here is marked ``optional``: it does nothing for None, and the kernels compiled for
@@ -13,16 +13,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import Laws
-from msahl.elements.constraints import coordinate_jacobians, coordinates, equations
+from msahl.algebra.functions import Laws, evaluate
+from msahl.elements.constraints import coordinate_jacobians, coordinates
+from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
 from msahl.elements.constraints.coordinate_kinds import (
     Coordinates,
     CoordinatesWorkspace,
     Derivatives,
 )
-from msahl.elements.constraints.equations import ConstraintEquations
-from msahl.formulations.absolute.frames import Frames, FramesWorkspace, first_multiplier
-from msahl.jit.kernel import optional
+from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
+from msahl.elements.constraints.equations import (
+    ConstraintEquations,
+    add_load,
+    coefficients,
+    law_change,
+    law_round_off,
+)
+from msahl.elements.constraints.products import PARTS
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace
+from msahl.formulations.absolute.multipliers import by_unknown, multiplier, place_of
+from msahl.jit.kernel import kernel, optional
 
 
 class ScalarConstraints(NamedTuple):
@@ -68,9 +78,42 @@ def residual(
     """Set the constraint equations of a step at ``Z``, and the loads along coordinates to those of
     the multipliers.
     """
-    q = start.coordinates
-    coordinates.evaluate(scalar.coordinates, q, frames, Z)
-    equations.residual(scalar.equations, scalar.laws, q, frames, violation, t, h, dt2, Z, F)
+    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, Z)
+    _add_loads(scalar, start, frames, dt2, Z)
+    _set_equations(scalar, start, frames, violation, (t, h), F)
+
+
+@kernel
+def _add_loads(
+    scalar: ScalarConstraints, start: ScalarWorkspace, frames: Frames, factor: float, Z: np.ndarray
+) -> None:
+    """Add the multipliers, in ``Z`` times ``factor`` by mass, to the coordinates' loads."""
+    rows = scalar.equations
+    for r in range(rows.function.size):
+        lam = multiplier(rows, frames, Z, factor, r)
+        add_load(rows, scalar.laws, start.coordinates, r, lam)
+
+
+@kernel
+def _set_equations(
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    frames: Frames,
+    violation: np.ndarray,
+    interval: tuple[float, float],
+    F: np.ndarray,
+) -> None:
+    """Set the equations to the ``violation`` (k, 3) and its change over the ``interval`` (t, h)."""
+    rows, laws, q, (t, h) = scalar.equations, scalar.laws, start.coordinates, interval
+    for r in range(rows.function.size):
+        total = -law_change(rows, laws, r, t, h)
+        for side in range(2):
+            if rows.coordinate[r, side] >= 0:
+                change, _, _, _ = coefficients(rows, laws, q, r, side)
+                total += change
+        node, slot = place_of(rows, frames, r)
+        F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
+        q.term_size[node] = max(q.term_size[node], law_round_off(rows, laws, q, r, t, h))
 
 
 @optional()
@@ -85,9 +128,64 @@ def joint_jacobian(
     """Add the derivatives of the constraint equations and of the multipliers' forces, after
     ``residual`` at ``Z``.
     """
-    q = start.coordinates
-    coordinates.differentiate(scalar.coordinates, q, frames, Z)
-    equations.jacobian(scalar.equations, scalar.laws, scalar.coordinates, q, frames, dt2, Z, values)
+    coordinates.differentiate(scalar.coordinates, start.coordinates, frames, Z)
+    _add_blocks(scalar, start, frames, -dt2, values)
+    _add_curves(scalar, start, frames, (-dt2, 1.0), Z, values)
+
+
+@kernel
+def _add_blocks(
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    frames: Frames,
+    factor: float,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the equations by the places, and ``factor`` times those of the
+    accelerations by the multipliers' unknowns, which are |factor| times the multipliers by mass.
+    """
+    rows, coords, q_start = scalar.equations, scalar.coordinates, start.coordinates
+    for r in range(rows.function.size):
+        slot = rows.place[r, 1]
+        for side in range(2):
+            q = rows.coordinate[r, side]
+            if q < 0:
+                continue
+            _, c, slope, _ = coefficients(rows, scalar.laws, q_start, r, side)
+            for part in range(PARTS):
+                down, right = rows.force_block[r, side, part], rows.constraint_block[r, side, part]
+                if down <= 0:
+                    continue
+                own = c * by_unknown(rows, factor, r)
+                by_lam = own * row_factor(coords, frames, factor, q, part)
+                for i in range(3):
+                    values[down + 3 * i + slot] += by_lam * q_start.force[q, part, i]
+                    of_equation = rows.scale[r] * slope * q_start.slope[q, part, i]
+                    values[right + 3 * slot + i] += of_equation
+
+
+@kernel
+def _add_curves(
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    frames: Frames,
+    factors: tuple[float, float],
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the loads by the functions' curvature, the first of the ``factors``
+    times: ``Z`` holds as much times the multipliers by mass. The second is 1 over a step, where a
+    coefficient changes by half as much as at one configuration, and 2 there.
+    """
+    rows, (factor, share) = scalar.equations, factors
+    for r in range(rows.function.size):
+        if rows.function[r] >= 0:
+            lam = multiplier(rows, frames, Z, abs(factor), r)
+            curve = share * coefficients(rows, scalar.laws, start.coordinates, r, 1)[3]
+            q = rows.coordinate[r, 1]
+            add_spring(
+                scalar.coordinates, start.coordinates, frames, factor, q, lam * curve, values
+            )
 
 
 @optional()
@@ -105,10 +203,11 @@ def accept(
     """Add the changes over the solved step to the counted ``angle`` (q,), the work of prescribed
     motions [J] to its columns of ``work``.
     """
-    q = start.coordinates
-    equations.work(
-        scalar.equations, scalar.laws, frames, t, h, dt2, Z, scalar.equation_column, work
-    )
+    rows, q = scalar.equations, start.coordinates
+    for r in range(rows.function.size):
+        if rows.law[r] >= 0:
+            lam = multiplier(rows, frames, Z, dt2, r)
+            work[scalar.equation_column[r]] += lam * law_change(rows, scalar.laws, r, t, h)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
 
@@ -157,19 +256,26 @@ def free_acceleration(
     t: float,
     F: np.ndarray,
 ) -> None:
-    """Set the constraint equations of the index-1 problem, after ``rates``."""
-    equations.free_acceleration(
-        scalar.equations,
-        scalar.laws,
-        scalar.coordinates,
-        start.coordinates,
-        frames,
-        start.rate,
-        v,
-        W,
-        t,
-        F,
-    )
+    """Set the constraint equations of the index-1 problem, minus their second derivatives at zero
+    accelerations, after ``rates``, with unknowns 0: ``curves`` are then half of the second
+    derivatives.
+    """
+    rows, laws, q_start = scalar.equations, scalar.laws, start.coordinates
+    for r in range(rows.function.size):
+        total = 0.0
+        if rows.law[r] >= 0:
+            total = -evaluate(laws, rows.law[r], t)[2]
+        for side in range(2):
+            q = rows.coordinate[r, side]
+            if q < 0:
+                continue
+            second = coordinate_acceleration(scalar.coordinates, q_start, v, W, q)
+            if side == 1 and rows.function[r] >= 0:
+                _, slope, curve = evaluate(laws, rows.function[r], q_start.value[q])
+                second = slope * second + curve * start.rate[q] ** 2
+            total += rows.coefficient[r, side] * second
+        node, slot = place_of(rows, frames, r)
+        F[node, slot] = -rows.scale[r] * total
 
 
 @optional()
@@ -204,9 +310,19 @@ def add_rate_derivatives(
     out: Derivatives,
 ) -> None:
     """Add the derivatives of ``set_rate_equations`` over h, after ``differentiate``."""
-    equations.add_rate_derivatives(
-        scalar.equations, scalar.coordinates, start.coordinates, frames, motion, out
-    )
+    rows, coords, q_start = scalar.equations, scalar.coordinates, start.coordinates
+    for r in range(rows.function.size):
+        if rows.holonomic[r]:
+            continue
+        c, q = rows.scale[r] * rows.coefficient[r, 0], rows.coordinate[r, 0]
+        half = rate_gradient(coords, q_start, frames, motion, q, out)
+        for part in range(PARTS):
+            right = rows.constraint_block[r, 0, part]
+            if right > 0:
+                for i in range(3):
+                    place = right + 3 * rows.place[r, 1] + i
+                    out.by_rate[place] += c * q_start.slope[q, part, i]
+                    out.by_place[place] += 2.0 * c * half[part][i]
 
 
 @optional()
@@ -222,9 +338,8 @@ def set_violations(
     """Set the constraint equations to the ``violation`` (k, 3) and its change by the
     displacements ``Z`` over the ``interval`` (t, h).
     """
-    q = start.coordinates
-    coordinates.evaluate(scalar.coordinates, q, frames, Z)
-    equations.set_violation(scalar.equations, scalar.laws, q, frames, violation, interval, F)
+    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, Z)
+    _set_equations(scalar, start, frames, violation, interval, F)
 
 
 @optional()
@@ -240,7 +355,7 @@ def add_constraint_forces(
     """
     q = start.coordinates
     coordinates.evaluate(scalar.coordinates, q, frames, Z)
-    equations.add_loads(scalar.equations, scalar.laws, q, frames, Z)
+    _add_loads(scalar, start, frames, 1.0, Z)
     coordinates.push(scalar.coordinates, q, frames, 1.0, F)
 
 
@@ -257,8 +372,9 @@ def add_constraint_derivatives(
     """
     q, coords = start.coordinates, scalar.coordinates
     coordinates.differentiate(coords, q, frames, Z)
-    equations.add_derivatives(scalar.equations, scalar.laws, coords, q, frames, Z, values)
-    # The unit forces' mean over a step changes by half as much as the forces themselves.
+    _add_blocks(scalar, start, frames, 1.0, values)
+    # Coefficients and unit forces change over a step by half as much as at its end.
+    _add_curves(scalar, start, frames, (1.0, 2.0), Z, values)
     coordinate_jacobians.stiffness(coords, q, frames, 2.0, Z, values)
 
 
@@ -280,7 +396,12 @@ def set_rate_equations(
     F: np.ndarray,
 ) -> None:
     """Set the equations between rates to ``h`` times these, after ``rates``."""
-    equations.set_rate_equations(scalar.equations, start.rate, first_multiplier(frames), h, F)
+    rows = scalar.equations
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c = h * rows.scale[r] * rows.coefficient[r, 0]
+            node, slot = place_of(rows, frames, r)
+            F[node, slot] = c * start.rate[rows.coordinate[r, 0]]
 
 
 @optional()
@@ -303,9 +424,17 @@ def motion_work(
     """Add the work [J] of prescribed motions over a time ``dt`` at their rates at ``t``; ``Z``
     holds the multipliers by mass.
     """
-    equations.motion_work(
-        scalar.equations, scalar.laws, frames, t, dt, Z, scalar.equation_column, work
-    )
+    rows = scalar.equations
+    for r in range(rows.function.size):
+        if rows.law[r] >= 0:
+            lam = multiplier(rows, frames, Z, 1.0, r)
+            work[scalar.equation_column[r]] += lam * law_rate(scalar, r, t) * dt
+
+
+@kernel
+def law_rate(scalar: ScalarConstraints, r: int, t: float) -> float:
+    """Return the rate of the law of time of an equation."""
+    return evaluate(scalar.laws, scalar.equations.law[r], t)[1]
 
 
 @optional()
@@ -333,11 +462,29 @@ def observe(
     violation: np.ndarray,
     violation_rate: np.ndarray,
 ) -> None:
-    """Set violations and their rates of the constraint equations."""
+    """Set ``violation`` [m or rad] and ``violation_rate`` (k, 3), by the equations' places. An
+    equation between rates has no violation.
+    """
     q = start.coordinates
     coordinates.slopes(scalar.coordinates, q)
     coordinates.rates(scalar.coordinates, q, frames.v, frames.W, start.rate)
-    equations.observe(scalar.equations, scalar.laws, q, start.rate, t, violation, violation_rate)
+    rows, laws = scalar.equations, scalar.laws
+    for r in range(rows.function.size):
+        total, total_rate = -rows.offset[r], 0.0
+        if rows.law[r] >= 0:
+            value, slope, _ = evaluate(laws, rows.law[r], t)
+            total, total_rate = total - value, -slope
+        for side in range(2):
+            k = rows.coordinate[r, side]
+            if k >= 0:
+                value, slope = q.value[k], 1.0
+                if side == 1 and rows.function[r] >= 0:
+                    value, slope, _ = evaluate(laws, rows.function[r], value)
+                total += rows.coefficient[r, side] * value
+                total_rate += rows.coefficient[r, side] * slope * start.rate[k]
+        node, slot = rows.place[r, 0], rows.place[r, 1]
+        violation[node, slot] = total if rows.holonomic[r] else 0.0
+        violation_rate[node, slot] = total_rate
 
 
 @optional()

@@ -29,6 +29,7 @@ GROUND = -1
 
 ROTARY = {"coil": "torsion", "strut": "torsion", "damper": "drum"}
 """Glyphs of springs and dampers between directions, by those between points."""
+SIDES = ("parent", "child")
 COUPLING_GLYPHS = {"gear": "gear", "rackAndPinion": "rack", "camFollower": "cam"}
 
 
@@ -84,17 +85,18 @@ def _coupling(coupling: Coupling, joints: list[Entry], place: Mapping[str, int])
 
 def motion_entries(model: Model, body: Mapping[str, int], place: Mapping[str, int]) -> list[Entry]:
     """Return the prescribed motions."""
-    return [
-        {
-            "name": motion.name,
-            "joint": place[motion.joint] if isinstance(motion, JointMotion) else None,
-            "coordinate": motion.coordinate if isinstance(motion, JointMotion) else None,
-            "body": None if isinstance(motion, JointMotion) else body[motion.body],
-            "point": None if isinstance(motion, JointMotion) else floats(motion.point),
-            "direction": None if isinstance(motion, JointMotion) else floats(motion.direction),
-        }
-        for motion in model.motions
-    ]
+    found: list[Entry] = []
+    for motion in model.motions:
+        entry = {"name": motion.name} | dict.fromkeys(
+            ("joint", "coordinate", "body", "point", "direction")
+        )
+        if isinstance(motion, JointMotion):
+            entry |= {"joint": place[motion.joint], "coordinate": motion.coordinate}
+        else:
+            entry |= {"body": body[motion.body], "point": floats(motion.point)}
+            entry |= {"direction": floats(motion.direction)}
+        found.append(entry)
+    return found
 
 
 def spring_entries(model: Model, body: Mapping[str, int], joints: list[Entry]) -> list[Entry]:
@@ -103,43 +105,30 @@ def spring_entries(model: Model, body: Mapping[str, int], joints: list[Entry]) -
     found: list[Entry] = []
     for load in model.loads:
         if isinstance(load, SpringDamper | Bushing):
-            found.append(
-                {
-                    "name": load.name,
-                    "glyph": "bushing" if isinstance(load, Bushing) else _spring_glyph(load),
-                    "a": body[load.parent],
-                    "aPoint": floats(load.parent_point),
-                    "b": body[load.child],
-                    "bPoint": floats(load.child_point),
-                    "joint": None,
-                    "axis": None,
-                }
-            )
+            a, b = (load.parent, load.parent_point), (load.child, load.child_point)
+            ends = [(body[name], floats(point)) for name, point in (a, b)]
+            joint, axis = None, None
         elif isinstance(load, JointSpring):
-            joint = joints[place[load.joint]]
-            found.append(
-                {
-                    "name": load.name,
-                    "glyph": ROTARY[_spring_glyph(load)]
-                    if load.coordinate == "angle"
-                    else _spring_glyph(load),
-                    "a": joint["parent"],
-                    "aPoint": joint["parentPoint"],
-                    "b": joint["child"],
-                    "bPoint": joint["childPoint"],
-                    "joint": place[load.joint],
-                    "axis": joint["axis"],
-                }
-            )
+            joint = place[load.joint]
+            ends = [(joints[joint][end], joints[joint][f"{end}Point"]) for end in SIDES]
+            axis = joints[joint]["axis"]
+        else:
+            continue
+        entry: Entry = {"name": load.name, "glyph": _spring_glyph(load)}
+        for end, (number, point) in zip("ab", ends, strict=True):
+            entry |= {end: number, f"{end}Point": point}
+        found.append(entry | {"joint": joint, "axis": axis})
     return found
 
 
-def _spring_glyph(load: SpringDamper | JointSpring) -> str:
+def _spring_glyph(load: SpringDamper | JointSpring | Bushing) -> str:
     """Return what a spring-damper is drawn as, by what it does."""
+    if isinstance(load, Bushing):
+        return "bushing"
     is_spring = load.stiffness != 0.0 or load.table is not None
-    if load.damping == 0.0:
-        return "coil"
-    return "strut" if is_spring else "damper"
+    found = "coil" if load.damping == 0.0 else "strut" if is_spring else "damper"
+    is_rotary = isinstance(load, JointSpring) and load.coordinate == "angle"
+    return ROTARY[found] if is_rotary else found
 
 
 def load_entries(model: Model, body: Mapping[str, int], place: Mapping[str, int]) -> list[Entry]:

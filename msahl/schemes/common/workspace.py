@@ -7,7 +7,7 @@ import numpy as np
 from msahl.elements import reactions
 from msahl.elements.beams import instant
 from msahl.formulations.absolute import rigid_body
-from msahl.jit.kernel import apart
+from msahl.jit.kernel import apart, kernel
 from msahl.linalg.elimination import new_factor
 from msahl.ports import forces
 from msahl.system.arrays import (
@@ -88,30 +88,40 @@ def write_row(workspace: Workspace, h: float, row: int) -> None:
     """Write the accepted state to a ``row`` of the tables, with the mean reactions over the step
     ``h`` before it.
     """
-    system, state, start = workspace.system, workspace.state, workspace.start
-    tables = workspace.tables
+    state, tables = workspace.state, workspace.tables
+    loads = workspace.mean_force, workspace.mean_reaction, state.time[0] - 0.5 * h
+    write_configuration(workspace.system, state, workspace.start, loads, tables, row)
+    for k in range(state.work.size):
+        tables.work[row, k] = state.work[k]
+
+
+@kernel
+def write_configuration(
+    system: System,
+    state: State,
+    start: SystemWorkspace,
+    loads: tuple[np.ndarray, np.ndarray, float],
+    tables: Tables,
+    row: int,
+) -> None:
+    """Write the prepared state to a ``row`` of the tables, but for the works; ``loads`` are the
+    multipliers' forces, the joints' reactions, and the time at which motions have their powers.
+    """
+    force, reaction, t = loads
     rigid_body.write_states(
         system.bodies, state.x, state.p, start.frames, state.w, tables.states, row
     )
     reactions.write_reactions(
-        system.shown,
-        system.scalar,
-        workspace.mean_reaction,
-        workspace.mean_force,
-        state.time[0] - 0.5 * h,
-        tables.reactions,
-        row,
+        system.shown, system.scalar, reaction, force, t, tables.reactions, row
     )
-    for k in range(state.work.size):
-        tables.work[row, k] = state.work[k]
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
-    loads = system.forces
+    group = system.forces
     forces.publish_signals(
-        loads.signals, loads.actuator, start.forces, system.scalar, tables.signals, row
+        group.signals, group.actuator, start.forces, system.scalar, tables.signals, row
     )
-    forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
-    instant.write_resultants(system.beams, workspace.mean_force, tables.resultants, row)
+    forces.publish_energy(group, start.forces, state.work.size, tables.work, row)
+    instant.write_resultants(system.beams, force, tables.resultants, row)
     instant.publish_energy(system.beams, start.beams, tables.work, row)
 
 

@@ -1,0 +1,178 @@
+"""A machine as robot files have it: links in a tree, each placed on its parent, and their joints.
+
+All numbers are in SI. A link's frame is that of the file. Its joints move it, one after the other,
+away from its ``pose`` on the parent; a link without joints is fixed there.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.deck.faults import Element
+
+
+class Pose(NamedTuple):
+    """A frame in another one: axes ``R`` (3, 3) and origin ``p`` (3,) [m]."""
+
+    R: np.ndarray
+    p: np.ndarray
+
+    def after(self, inner: "Pose") -> "Pose":
+        """Return the frame ``inner``, given in this one, in the frame that this one is given in."""
+        return Pose(self.R @ inner.R, self.p + self.R @ inner.p)
+
+    def inverse(self) -> "Pose":
+        """Return the outer frame in this one."""
+        return Pose(self.R.T, -self.R.T @ self.p)
+
+
+HERE = Pose(np.eye(3), np.zeros(3))
+"""The frame itself."""
+
+
+class Inertia(NamedTuple):
+    """Mass [kg], mass centre ``c`` (3,) [m] and inertia tensor ``J`` (3, 3) about it [kg m^2], in
+    the axes of a link."""
+
+    mass: float
+    c: np.ndarray
+    J: np.ndarray
+
+    def seen_from(self, pose: Pose) -> "Inertia":
+        """Return the same in the frame in which the link has this ``pose``."""
+        return Inertia(self.mass, pose.p + pose.R @ self.c, pose.R @ self.J @ pose.R.T)
+
+
+NOTHING = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+"""A link without mass."""
+
+
+def together(parts: list[Inertia]) -> Inertia:
+    """Return the inertia of several bodies that are one, by the parallel-axis theorem:
+
+    J = sum J_i + m_i (d_i.d_i 1 - d_i d_i^T) ,    d_i = c_i - c
+    """
+    mass = sum(part.mass for part in parts)
+    if len(parts) == 1 or mass == 0.0:
+        return parts[0] if parts else NOTHING
+    c = np.asarray(sum(part.mass * part.c for part in parts) / mass)
+    return Inertia(
+        mass, c, np.asarray(sum(part.J + about(part.mass, part.c - c) for part in parts))
+    )
+
+
+def about(mass: float, d: np.ndarray) -> np.ndarray:
+    """Return m (d.d 1 - d d^T): what a mass at ``d`` adds to the tensor."""
+    return np.asarray(mass * ((d @ d) * np.eye(3) - np.outer(d, d)))
+
+
+@dataclass
+class Look:
+    """A shape of a link: ``kind``, ``size`` and ``file`` as in ``msahl.model.shapes``."""
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Pose
+    colour: str
+    file: str = ""
+
+
+@dataclass
+class Axis:
+    """A joint of a link: hinge, slide, ball, free or planar, along or about ``axis`` (3,) through
+    ``point`` (3,), both in the link's frame.
+
+    The coordinate has the value ``zero`` where the link has its pose, and ``value`` at t = 0; of a
+    ball ``rotated`` (3, 3) is its rotation at t = 0. ``damping`` and ``stiffness`` are those along
+    the coordinate, the spring is unloaded at ``rest``; ``friction`` is the constant magnitude of
+    dry friction and ``armature`` the inertia of a rotor, in units of N, m or N m, rad.
+    """
+
+    name: str
+    kind: str
+    element: Element
+    axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    point: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    zero: float = 0.0
+    value: float = 0.0
+    rate: float = 0.0
+    rotated: np.ndarray = field(default_factory=lambda: np.eye(3))
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
+    driven: bool = False
+    """Whether an actuator or a relation refers to it."""
+    placed: Pose | None = None
+    """Of a free joint: where the link is at t = 0, inertial axes; None: at its pose."""
+    velocity: tuple[np.ndarray, np.ndarray] = (HERE.p, HERE.p)
+    """Of a free joint: velocity [m/s] in inertial axes, angular velocity [rad/s] in the link's;
+    of a ball the latter alone."""
+
+    @property
+    def coordinate(self) -> str:
+        """The name of the coordinate of a hinge or slide."""
+        return "angle" if self.kind == "hinge" else "slide"
+
+
+@dataclass
+class Link:
+    """A link on its ``parent`` ("": the ground)."""
+
+    name: str
+    element: Element
+    parent: str = ""
+    pose: Pose = HERE
+    axes: list[Axis] = field(default_factory=list)
+    inertia: Inertia = NOTHING
+    looks: list[Look] = field(default_factory=list)
+    frames: list[tuple[str, Pose]] = field(default_factory=list)
+
+
+@dataclass
+class Relation:
+    """``second`` = ``ratio`` ``first`` + ``offset`` between coordinates of two joints, by name."""
+
+    first: str
+    second: str
+    ratio: float
+    offset: float
+    element: Element
+
+
+@dataclass
+class Closure:
+    """A joint between two links that closes a loop: ``kind`` spherical or rigid; where the links
+    have their ``poses`` in the joint's frame."""
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    poses: tuple[Pose, Pose]
+    element: Element
+
+
+@dataclass
+class Drive:
+    """An actuator at a joint, by name: its load is the ``expression``, in which {q} and {v} stand
+    for the coordinate and its rate and {u} for the signal ``control``."""
+
+    name: str
+    joint: str
+    expression: str
+    control: float
+    element: Element
+
+
+@dataclass
+class Robot:
+    """What a file says: links in an order in which parents come first."""
+
+    name: str
+    links: dict[str, Link]
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    relations: list[Relation] = field(default_factory=list)
+    closures: list[Closure] = field(default_factory=list)
+    drives: list[Drive] = field(default_factory=list)
