@@ -156,7 +156,8 @@ class SubsystemIntegrator:
         if settings.family != "gauss" or min(settings.degrees or (settings.degree,)) > LANES:
             return Formulation(None, "the scheme is in absolute coordinates")
         workspace = self.workspace
-        return choose_formulation(self.model, workspace.system, workspace.start, self.axis)
+        free = workspace.unknowns.free
+        return choose_formulation(self.model, workspace.system, workspace.start, free, self.axis)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
@@ -263,7 +264,8 @@ def _new_stepper(
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
-    rest = span, storage, formulation.tree
+    tree = formulation.tree
+    rest = span, storage, None if tree is None else (tree, formulation.cut)
     if tolerance is None:
         method = CollocationMethod(workspace, settings.family, settings.degree, *rest)
         return FixedStepper(method, solver)

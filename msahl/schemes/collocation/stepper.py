@@ -27,6 +27,7 @@ from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
+from msahl.system.cut import Cut
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
@@ -56,7 +57,7 @@ class CollocationMethod:
         degree: int,
         span: Span,
         storage: Storage | None = None,
-        tree: Tree | None = None,
+        tree: tuple[Tree, Cut | None] | None = None,
     ) -> None:
         self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
@@ -70,7 +71,7 @@ class CollocationMethod:
         kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
         events = "-events" if self.detection else ""
-        tree = "" if self.tree is None else "-tree"
+        tree = "" if self.tree is None else "-loops" if self.tree[1] is not None else "-tree"
         return f"{kind}{friction}{tree}-collocation{events}"
 
     @property

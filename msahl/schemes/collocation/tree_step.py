@@ -41,6 +41,7 @@ from msahl.elements.constraints import scalar
 from msahl.elements.signals import inputs
 from msahl.formulations.absolute.frames import (
     displacement_node,
+    frame_count,
     restrict,
     rotation_node,
 )
@@ -49,14 +50,16 @@ from msahl.formulations.tree.table import Tree, TreeMotion, new_motion
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.jit.lanes import LANES, load, spread, store
 from msahl.ports import forces
-from msahl.schemes.collocation import equations, predictor
-from msahl.schemes.collocation.tableau import Tableau, lagrange
+from msahl.schemes.collocation import equations, predictor, tree_loops
+from msahl.schemes.collocation.tableau import Halves, Tableau, lagrange
+from msahl.schemes.collocation.tree_loops import LoopStages, new_loop_stages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.criteria import AT_REST, DIVERGED, STUCK
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system import evaluate
-from msahl.system.arrays import System
+from msahl.system.arrays import System, node_count
+from msahl.system.cut import Cut
 
 TARGET = 1e-14
 """As ``newton.TARGET``, of the last correction times its contraction."""
@@ -79,6 +82,7 @@ class TreeStages(NamedTuple):
 
     tree: Tree
     motion: TreeMotion
+    loops: LoopStages | None  # of closed loops; None: no code for them
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
@@ -86,14 +90,18 @@ class TreeStages(NamedTuple):
     figures: np.ndarray  # (3,) see above
 
 
-def new_tree_stages(tree: Tree, tableau: Tableau) -> TreeStages:
-    """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes."""
-    c = tableau.force_time
+def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tableau) -> TreeStages:
+    """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes, with the equations
+    of a ``cut`` where loops are closed.
+    """
+    c, motion = tableau.force_time, new_motion(tree)
+    sizes = frame_count(system.frames), node_count(system), int(system.multipliers.node.size)
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
     return TreeStages(
         tree=tree,
-        motion=new_motion(tree),
+        motion=motion,
+        loops=cut and new_loop_stages(cut, tree, motion, tableau, sizes),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
@@ -137,6 +145,7 @@ def save_half(tree: TreeStages, half: int) -> None:
     for j in range(tree.rates.shape[0]):
         for k in range(tree.rates.shape[1]):
             tree.half_rates[half, j, k] = tree.last_rates[j, k]
+    tree_loops.save_half(tree.loops, half)
 
 
 @optional()
@@ -145,17 +154,20 @@ def follow_half(tree: TreeStages) -> None:
     for j in range(tree.rates.shape[0]):
         for k in range(tree.rates.shape[1]):
             tree.last_rates[j, k] = tree.half_rates[1, j, k]
+    tree_loops.follow_half(tree.loops)
 
 
 @optional()
-def follow_halves(tree: TreeStages, half: np.ndarray, weights: np.ndarray) -> None:
-    """Let the next prediction follow both halves, see ``tableau.Halves``."""
+def follow_halves(tree: TreeStages, halves: Halves) -> None:
+    """Let the next prediction follow both halves."""
+    half, weights = halves.rate_half, halves.rates
     for i in range(half.size):
         for k in range(tree.rates.shape[1]):
             total = 0.0
             for j in range(weights.shape[1]):
                 total += weights[i, j] * tree.half_rates[half[i], j, k]
             tree.last_rates[i, k] = total
+    tree_loops.follow_halves(tree.loops, halves.multiplier_half, halves.multipliers)
 
 
 @unit
@@ -163,7 +175,9 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     """Solve for the rates at all nodes; return the relative residual, inf if there is none."""
     motion = tree.motion
     recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
-    predict(tree, stages, workspace.state.time[0], h)
+    tree_loops.begin(tree.loops, tree.tree, motion, workspace, stages, h)
+    follows = predict(tree, stages, workspace.state.time[0], h)
+    tree_loops.predict(tree.loops, workspace, stages, follows, h)
     if not tree.tree.bare:
         forces.node_factors(
             workspace.system.forces,
@@ -174,12 +188,14 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         )
     before, smallest = math.inf, math.inf
     for iteration in range(MAX_ITERATIONS):
+        tree_loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
         if not set_coordinates(tree, h):
             return math.inf
         recursion.set_places(tree.tree, motion)
         recursion.set_twists(tree.tree, motion)
         if iteration == 0:
             mass_matrix.set_factors(tree.tree, motion)
+            tree_loops.set_factors(tree.loops, tree.tree, motion)
             workspace.counts[1] += 1
         if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
@@ -203,9 +219,9 @@ PREDICTED_WELL = 0.03
 
 
 @kernel
-def predict(tree: TreeStages, stages: StageArrays, t: float, h: float) -> None:
+def predict(tree: TreeStages, stages: StageArrays, t: float, h: float) -> bool:
     """Set the rates at the nodes to the prediction from the step to follow, or to those at the
-    start.
+    start; return whether there is one to follow.
     """
     motion, s = tree.motion, tree.rates.shape[0] - 1
     follows = False
@@ -224,6 +240,7 @@ def predict(tree: TreeStages, stages: StageArrays, t: float, h: float) -> None:
     for b in range(1, tree.tree.frame.size):
         if tree.tree.is_ball[b]:
             _to_hinges(tree, tree.tree.first[b], h)
+    return follows
 
 
 SWEEPS = 3
@@ -305,7 +322,9 @@ def correct(tree: TreeStages, h: float) -> float:
         for j in range(s):
             value = value - (h * motion.force[k, j]) * load(tree.nodes, j)
         store(motion.y, k, value)
+    tree_loops.add_pull(tree.loops, motion, h)
     mass_matrix.solve(tree.tree, motion)
+    left = tree_loops.correct(tree.loops, tree.tree, motion, h)
     largest, length = 0.0, max(AT_REST, speed_of_loads(tree, h))
     for k in range(motion.rate.size):
         metres = tree.tree.length[k]
@@ -317,7 +336,7 @@ def correct(tree: TreeStages, h: float) -> float:
             # Written so that a nan counts.
             if not change <= largest:
                 largest = change
-    return largest / length
+    return max(largest, left / h) / length
 
 
 @kernel
@@ -408,7 +427,7 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
         _, _, v, W = body_motion(tree, b, last)
         put(state.a, tree.tree.frame[b], v)
         put(state.alpha, tree.tree.frame[b], W)
-    _set_end(tree, stages.tableau, h)
+    _set_end(tree, workspace, stages, h)
     rest = 1.0 / (h * (1.0 - stages.tableau.force_time[last]))
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
@@ -451,9 +470,9 @@ def _save_rates(tree: TreeStages) -> None:
 
 
 @kernel
-def _set_end(tree: TreeStages, tableau: Tableau, h: float) -> None:
+def _set_end(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> None:
     """Set the motion at the end of the step in every lane."""
-    motion = tree.motion
+    motion, tableau = tree.motion, stages.tableau
     for k in range(motion.rate.size):
         q, p = 0.0, motion.momentum[k]
         for i in range(tableau.force_weight.size):
@@ -461,9 +480,11 @@ def _set_end(tree: TreeStages, tableau: Tableau, h: float) -> None:
             p += h * tableau.force_weight[i] * motion.force[k, i]
         store(motion.q, k, spread(q))
         store(motion.y, k, spread(p))
+    tree_loops.add_impulse(tree.loops, motion, h)
     recursion.set_places(tree.tree, motion)
     mass_matrix.set_factors(tree.tree, motion)
     mass_matrix.solve(tree.tree, motion)
+    tree_loops.project(tree.loops, tree.tree, motion, workspace, stages, h)
     for k in range(motion.rate.size):
         store(motion.u, k, load(motion.y, k))
     recursion.set_twists(tree.tree, motion)
