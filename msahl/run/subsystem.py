@@ -152,9 +152,10 @@ class SubsystemIntegrator:
         """Return the coordinates in which steps are solved."""
         settings = resolve(self.model.simulation)
         if full or self.solver == "root" or not self.joint_coordinates:
-            return Formulation(None, "absolute coordinates were asked for")
-        if settings.family != "gauss" or min(settings.degrees or (settings.degree,)) > LANES:
-            return Formulation(None, "the scheme is in absolute coordinates")
+            return Formulation(None, "model reductions are switched off (--full, --solver root)")
+        if settings.family != "gauss" or min(settings.degrees) > LANES:
+            word = settings.scheme + (str(settings.degree) if settings.degree else "")
+            return Formulation(None, f"{word} has no steps in joint coordinates")
         workspace = self.workspace
         free = workspace.unknowns.free
         return choose_formulation(self.model, workspace.system, workspace.start, free, self.axis)

@@ -110,8 +110,6 @@ def _scalar_part(system: System, needed: np.ndarray) -> tuple[ScalarConstraints 
         return None, np.zeros(0, dtype=np.int64)
     place = scalar.equations.place
     kept = np.flatnonzero(needed[place[:, 0], place[:, 1]])
-    if kept.size == 0:
-        return None, np.zeros(0, dtype=np.int64)
     equations = type(scalar.equations)(*(array[kept] for array in scalar.equations))
     used = np.unique(equations.coordinate[equations.coordinate >= 0])
     group, number = coordinate_subset(scalar.coordinates, used)

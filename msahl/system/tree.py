@@ -23,6 +23,7 @@ import numpy as np
 
 from msahl.algebra.vector import IDENTITY, Vector, sub
 from msahl.elements.signals.group import use_reactions
+from msahl.formulations.absolute.frames import FramesWorkspace
 from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT, Tree
 from msahl.joints.joint import CHILD, PARENT, TreeAxis
 from msahl.joints.registry import KINDS
@@ -37,6 +38,9 @@ MOST_PRODUCTS = 800
 work: by timings of planar chains, at about 70 bodies."""
 MOST_EQUATIONS = 12
 """Equations of cut joints from which absolute coordinates take less work."""
+REACH, REACH_ACROSS = 1.5, 1.0
+"""Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``; and
+about the second one of a ball, whose three axes are in a plane at a right angle."""
 ALONG = 0.5
 """Cosine above which an axis in a planar subsystem is its normal: it is either 1 or 0."""
 
@@ -70,22 +74,27 @@ def choose_formulation(
         return Formulation(None, reason)
     branches = _branches(model)
     if branches is None:
-        return Formulation(None, "no joint coordinates place all bodies from the ground")
+        return Formulation(None, "its joints leave a body free of the ground")
     tree = _build(model, system, start, axis, branches)
     if tree.body.size == 0:
         return Formulation(None, "nothing can move")
     depth = np.diff(tree.row)
     if float(np.sum(depth * depth)) > 2.0 * MOST_PRODUCTS * len(model.bodies):
-        return Formulation(None, "the chains are long")
+        return Formulation(None, "they take less work in chains as long as these")
     kept = {branch.joint.name for branch in branches}
     elements = (*model.joints, *model.couplings, *model.motions)
     tied = len(model.joints)
     closing = {e for e, one in enumerate(elements) if e >= tied or one.name not in kept}
     cut = build_cut(system, free, tree, closing)
     if cut is not None and cut.place.shape[0] > MOST_EQUATIONS:
-        return Formulation(None, "many joints close loops")
+        return Formulation(None, "they take less work where so many equations close loops")
     names = tuple(joint.name for joint in model.joints if joint.name not in kept)
     return Formulation(tree, "", cut, names)
+
+
+def is_tree(model: Model, system: System) -> bool:
+    """Whether a subsystem has joint coordinates."""
+    return not _excluded(model, system) and _branches(model) is not None
 
 
 def _excluded(model: Model, system: System) -> str:
@@ -96,9 +105,9 @@ def _excluded(model: Model, system: System) -> str:
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
-        (pressed_by_reactions(system.forces) is not None, "loads depend on reactions"),
+        (pressed_by_reactions(system.forces) is not None, "friction depends on reactions"),
         (use_reactions(signals), "expressions depend on reactions"),
-        (signals is not None and signals.rate.size > 0, "expressions have states"),
+        (signals is not None and signals.rate.size > 0, "expressions have auxiliary states"),
     )
     return next((reason for found, reason in reasons if found), "")
 
@@ -158,7 +167,7 @@ def _build(
     coordinates: list[tuple[int, bool, int, Vector]] = []
     for b, branch in enumerate(branches, start=1):
         number[branch.body] = b
-        axes, is_ball = _axes(branch, frame, start.frames.R, axis)
+        axes, is_ball = _axes(branch, frame, start.frames, axis)
         coordinates += [(b, slides, *place) for slides, place in axes]
         sides = _sides(model, branch)
         row = {
@@ -199,16 +208,18 @@ def _alignment(joint: Joint) -> int:
 
 
 def _axes(
-    branch: Branch, frame: dict[str, int], R: np.ndarray, normal: int | None
+    branch: Branch, frame: dict[str, int], start: FramesWorkspace, normal: int | None
 ) -> tuple[list[tuple[bool, tuple[int, Vector]]], bool]:
     """Return the axes of the joint, each with the frame in which it is fixed, and whether they are
     a ball's; in a planar subsystem those along which it moves.
     """
-    joint, parent = branch.joint, frame[branch.parent]
+    joint, parent, R = branch.joint, frame[branch.parent], start.R
     axes = KINDS[joint.kind].tree or ()
     if len(axes) == 3 and not any(axis.slides for axis in axes):
         if normal is None:
-            return [(False, (parent, axis)) for axis in IDENTITY], True
+            body = frame[branch.body]
+            spin = R[body].T @ (start.W[body] - start.W[parent])
+            return [(False, (body, axis)) for axis in _axes_of_ball(spin)], True
         x, y, z = (float(number) for number in R[parent][normal])
         return [(False, (parent, (x, y, z)))], False
     found = [(axis.slides, _fixed(joint, frame, axis)) for axis in axes]
@@ -222,6 +233,16 @@ def _axes(
         if along != slides:
             kept.append((slides, (owner, vector)))
     return kept, False
+
+
+def _axes_of_ball(spin: np.ndarray) -> list[Vector]:
+    """Return three perpendicular axes, the last one along the ``spin``, if there is any."""
+    third = spin if np.any(spin) else np.array(IDENTITY[2])
+    third = third / np.linalg.norm(third)
+    first = np.cross(IDENTITY[int(np.argmin(np.abs(third)))], third)
+    first = first / np.linalg.norm(first)
+    rows = (first, np.cross(third, first), third)
+    return [(float(x), float(y), float(z)) for x, y, z in rows]
 
 
 def _fixed(joint: Joint, frame: dict[str, int], axis: TreeAxis) -> tuple[int, Vector]:
@@ -247,6 +268,8 @@ def _finish(
     body = np.array([b for b, *_ in coordinates], dtype=np.int64)
     slides = np.array([s for _, s, *_ in coordinates], dtype=bool)
     before, depth = _paths(columns["parent"], columns["first"])
+    reach = np.where(slides, np.inf, REACH)
+    reach[columns["first"][:-1][columns["is_ball"]] + 1] = REACH_ACROSS
     return Tree(
         **{
             name: column.astype(float) if column.ndim > 1 else column
@@ -263,6 +286,7 @@ def _finish(
         before=before,
         row=np.append(0, np.cumsum(depth)).astype(np.int64),
         length=np.where(slides, 1.0, frames.length[columns["frame"][body]]),
+        reach=reach,
     )
 
 

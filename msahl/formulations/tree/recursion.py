@@ -15,6 +15,10 @@ so momenta and their rates take one sweep from the ground and one back, and no d
 mass matrix. Coordinates count from the start of the step; ``begin`` takes from the state where
 bodies and axes are then.
 
+For a ball ``moment`` has in addition the rates of its momenta about the axes that its hinges have
+at the start of the step, if these were all fixed in its parent: the components of a vector there,
+which the rates of the hinges' momenta are not.
+
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), for spatial vectors; the rates of
 the momenta follow from Lagrange's equations, dT/dq_k = (dS_k/dt) . H.
 """
@@ -252,12 +256,31 @@ def set_momenta(tree: Tree, motion: TreeMotion) -> None:
             da, ds = vector_at(motion.screw_rate, 6 * k), vector_at(motion.screw_rate, 6 * k + 3)
             store(motion.p, k, dot(a, L) + dot(s, P))
             store(motion.force, k, dot(da, L) + dot(ds, P) + dot(a, M) + dot(s, F))
+        if tree.is_ball[b]:
+            _set_moment(tree, motion, b)
         if tree.parent[b] > 0:
             place = 6 * tree.parent[b]
             accumulate_vector(motion.momenta, place, L)
             accumulate_vector(motion.momenta, place + 3, P)
             accumulate_vector(motion.wrench, place, M)
             accumulate_vector(motion.wrench, place + 3, F)
+
+
+@kernel
+def _set_moment(tree: Tree, motion: TreeMotion, b: int) -> None:
+    """Set the rates of the momenta of the ball of body ``b`` about axes fixed in its parent."""
+    L, P = vector_at(motion.momenta, 6 * b), vector_at(motion.momenta, 6 * b + 3)
+    M, F = vector_at(motion.wrench, 6 * b), vector_at(motion.wrench, 6 * b + 3)
+    before = tree.parent[b]
+    w, v = vector_at(motion.twist, 6 * before), vector_at(motion.twist, 6 * before + 3)
+    D = matrix_at(motion.rotation, 9 * before)
+    arm = times(D, at(motion.parent_arm, b))
+    point = sum_of(vector_at(motion.place, 3 * before), arm)
+    for k in range(tree.first[b], tree.first[b + 1]):
+        a = times(D, at(motion.axis, k))
+        s = cross(point, a)
+        da, ds = cross(w, a), sum_of(cross(w, s), cross(v, a))
+        store(motion.moment, k, dot(da, L) + dot(ds, P) + dot(a, M) + dot(s, F))
 
 
 @kernel

@@ -2,7 +2,8 @@
 
 Bodies of the tree are numbered from 1, each after its parent; 0 is the ground. Each has a number of
 coordinates, hinges and slides along axes in the order in which they act: a ball is three hinges.
-They count from the start of the step, where all are zero, so no orientation is singular.
+They count from the start of the step, where all are zero, so no orientation is singular. The axes
+of a ball are fixed in its body, the last one along its spin, by which it may rotate far in a step.
 
 Arrays of lanes have a row for each number, (n, LANES); those of vectors three rows for each.
 """
@@ -40,6 +41,7 @@ class Tree(NamedTuple):
     before: np.ndarray  # (n,) coordinate before it on the path from the ground; -1 for none
     row: np.ndarray  # (n+1,) its entries in the mass matrix: its own, then those before it
     length: np.ndarray  # (n,) displacement of a unit of it, that of its body's length [m or 1]
+    reach: np.ndarray  # (n,) largest amount of it within a step [rad or m]
 
 
 class TreeMotion(NamedTuple):
@@ -53,6 +55,7 @@ class TreeMotion(NamedTuple):
     axis: np.ndarray  # (n, 3)
     rate: np.ndarray  # (n,) of the coordinates [rad/s or m/s]
     momentum: np.ndarray  # (n,) of the coordinates [kg m^2/s or kg m/s]
+    end_momentum: np.ndarray  # (n,) those at the end of the step
     place: np.ndarray  # (3 (b+1), LANES) mass centres from the origin [m]
     quaternion: np.ndarray  # (4 (b+1), LANES) rotations from the start of the step
     rotation: np.ndarray  # (9 (b+1), LANES) their matrices
@@ -66,6 +69,7 @@ class TreeMotion(NamedTuple):
     u: np.ndarray  # (n, LANES) their rates
     p: np.ndarray  # (n, LANES) their momenta
     force: np.ndarray  # (n, LANES) rates of these
+    moment: np.ndarray  # (n, LANES) likewise of a ball, about axes that are fixed in its parent
     composite: np.ndarray  # (10 (b+1), LANES) mass, first and second moments beyond a body
     mass: np.ndarray  # (entries, LANES) of the mass matrix, then its factors
     y: np.ndarray  # (n, LANES) right-hand side
@@ -81,7 +85,7 @@ def new_motion(tree: Tree) -> TreeMotion:
         "screw": 6 * n,
         "screw_rate": 6 * n,
         **dict.fromkeys(("twist", "momenta", "wrench", "load"), 6 * b),
-        **dict.fromkeys(("q", "u", "p", "force", "y"), n),
+        **dict.fromkeys(("q", "u", "p", "force", "moment", "y"), n),
         "composite": 10 * b,
         "mass": int(tree.row[-1]),
     }
@@ -94,6 +98,7 @@ def new_motion(tree: Tree) -> TreeMotion:
         axis=np.zeros((n, 3)),
         rate=np.zeros(n),
         momentum=np.zeros(n),
+        end_momentum=np.zeros(n),
         **{name: np.zeros((b, 3)) for name in ("parent_arm", "child_arm", "misalignment")},
         **arrays,
     )

@@ -309,7 +309,8 @@ def take_step(subsystem: CollocationWorkspace, h: float) -> bool:
     if tree_step.take_step(subsystem.tree, workspace, stages, subsystem.outcome, h):
         return True
     system = workspace.system
-    tree_step.leave(subsystem.tree, stages)
+    if tree_step.leave(subsystem.tree, stages):
+        accelerations.accelerate(system, workspace.state, workspace.start, subsystem.instant)
     predictor.predict(system, workspace.state, workspace.start, stages, h)
     residual, worst, first = iterate(subsystem, h)
     subsystem.outcome[0], subsystem.outcome[1] = residual, worst

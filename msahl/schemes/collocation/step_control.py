@@ -670,8 +670,9 @@ def join_halves(subsystem: CollocationWorkspace, t: float, h: float) -> None:
                 stages.Z[i, node, k] = 0.0
                 for j in range(s):
                     stages.Z[i, node, k] += halves.multipliers[i, j] * solution[j, node, k]
-    tree_step.follow_halves(subsystem.tree, halves)
     stages.last_step[0], stages.last_step[1] = t, h
+    if not tree_step.follow_halves(subsystem.tree, halves):
+        newton.reset_prediction(subsystem)
 
 
 @kernel

@@ -20,8 +20,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.tree_step import FRESH, TreeStages
-from msahl.schemes.collocation.workspace import StageArrays
+from msahl.schemes.collocation.tree_step import FRESH, ITERATIONS, STEPS
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
@@ -98,9 +97,10 @@ class CollocationMethod:
         return [*scipy_root.calls(self.subsystem), (_record_step, (self.subsystem, 0.0, 0, *rows))]
 
     @property
-    def memory(self) -> tuple[StageArrays, TreeStages | None]:
+    def memory(self) -> tuple[Any, ...]:
         """See ``StepMethod``."""
-        return self.subsystem.stages, self.subsystem.tree
+        stages, tree = self.subsystem.stages, self.subsystem.tree
+        return (stages,) if tree is None else (stages, tree.last_rates, tree.figures)
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -112,7 +112,7 @@ class CollocationMethod:
         self.set_degree(counters["degree"])
 
     def set_degree(self, degree: int) -> None:
-        """See ``StepMethod``."""
+        """See ``StepMethod``; steps in joint coordinates are tried again at once."""
         self.degree = degree
         if degree not in self.by_degree:
             fresh = new_collocation_workspace(self.workspace, self.scheme, degree, self.tree)
@@ -123,6 +123,18 @@ class CollocationMethod:
             # A resumed run has the memory of the present degree alone.
             self.subsystem.tree.figures[:] = FRESH
         newton.reset_prediction(self.subsystem)
+
+    @property
+    def work(self) -> float:
+        """Work of all steps since the degree was set, but for a constant, in iterations of degree 1
+        in absolute coordinates.
+        """
+        iterations, factorisations = self.workspace.counts.tolist()
+        if self.subsystem.tree is None:
+            return work_of(self.degree, iterations, factorisations)
+        in_tree, steps = self.subsystem.tree.figures[[ITERATIONS, STEPS]].tolist()
+        rest = work_of(self.degree, iterations - in_tree, factorisations - steps)
+        return rest + work_in_tree(self.subsystem.tree.tree, self.degree, in_tree, steps)
 
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
@@ -339,25 +351,33 @@ class AdaptiveStepper:
         """Work per second of motion at this ``degree``, by pairs that are tried and taken back; the
         first has the size found for the degree ``like``, whose work is the ``other``.
         """
-        figures, counts = self.control.figures, self.workspace.counts
+        figures, method = self.control.figures, self.method
         size = self.sizes[like]
         if degree != self.method.degree:
             self.method.set_degree(degree)
         for _ in range(TRIES):
-            before, figures[step_control.NEXT] = counts.copy(), size
+            before, figures[step_control.NEXT] = method.work, size
             self._take_pairs(0, NO_TIMES)
             tried, size = size, float(figures[step_control.BEST])
-            rate = work_of(degree, *(counts - before).tolist()) / size
+            rate = (method.work - before) / size
             if 0.5 <= size / tried <= 2.0 or rate > MUCH * other:
                 break
         self.sizes[degree] = size
         return rate
 
 
-def work_of(degree: int, iterations: int, factorisations: int) -> float:
+def work_of(degree: int, iterations: float, factorisations: float) -> float:
     """Work of solved steps, in iterations of degree 1.
 
     By timings of pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
     that of a Jacobian with its factors to 2 + s^2/2; at degree 1 their ratio is 1 to 2.5.
     """
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations
+
+
+def work_in_tree(tree: Tree, degree: int, iterations: float, steps: float) -> float:
+    """Work of steps in joint coordinates, in the same unit. All nodes are evaluated at once, so it
+    does not depend on the degree but for loads, which elements evaluate node by node.
+    """
+    loads = 0.0 if tree.bare else 0.25 * degree
+    return (0.5 + loads) * iterations + steps

@@ -28,7 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra import small_system
-from msahl.algebra.lanes import dot, vector_at
+from msahl.algebra.lanes import LaneVector, cross, dot, sum_of, vector_at
+from msahl.algebra.lanes import matrix_at as matrix_at_lanes
+from msahl.algebra.lanes import times as lanes_times
 from msahl.algebra.vector import (
     Vector,
     add,
@@ -51,10 +53,11 @@ from msahl.formulations.absolute.frames import (
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.formulations.tree.table import Tree, TreeMotion
 from msahl.jit.kernel import kernel, optional, unit
-from msahl.jit.lanes import LANES, load, spread, store
+from msahl.jit.lanes import LANES, Lanes, load, spread, store
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
+from msahl.system.arrays import State
 from msahl.system.cut import PIECES, Cut, CutWorkspace, new_cut_workspace
 
 DRIFT_FEEDBACK = 0.01
@@ -77,6 +80,9 @@ class LoopStages(NamedTuple):
     wrench: np.ndarray  # (6 PIECES m, LANES) of unit multipliers, moments about the origin first
     gradient: np.ndarray  # (e, LANES) entries of G at t_1 ... t_s
     lever: np.ndarray  # (e, LANES) likewise at t_0 ... t_(s-1)
+    moment: np.ndarray  # (e, LANES) as ``lever``, of balls about axes fixed in their parents
+    balance: np.ndarray  # (e, LANES) work array
+    is_ball: np.ndarray  # (e,) whether the coordinate is one of a ball
     violation: np.ndarray  # (m, LANES) at t_1 ... t_s [m]
     to_nodes: np.ndarray  # (s, LANES) ab_kj: lane k of row j
     across: np.ndarray  # (s, LANES) at_il: lane i of row l
@@ -86,6 +92,7 @@ class LoopStages(NamedTuple):
     half_y: np.ndarray  # (2, s, m) of both halves of a pair
     needed: np.ndarray  # (m, LANES) what the multipliers are to remove from the violations [m]
     pull: np.ndarray  # (n, LANES) G_l^T y_l at t_0 ... t_(s-1)
+    pull_moment: np.ndarray  # (n, LANES) likewise by ``moment``
     rest: np.ndarray  # (n, LANES) residual of the momenta
     independent: np.ndarray  # (m,) whether the equation is used in the present step
     matrix: np.ndarray  # (s m, s m) T, then its factors
@@ -120,6 +127,9 @@ def new_loop_stages(
         wrench=np.zeros((6 * PIECES * m, LANES)),
         gradient=np.zeros((e, LANES)),
         lever=np.zeros((e, LANES)),
+        moment=np.zeros((e, LANES)),
+        balance=np.zeros((e, LANES)),
+        is_ball=tree.is_ball[tree.body[cut.coordinate]],
         violation=np.zeros((m, LANES)),
         to_nodes=np.ascontiguousarray(tableau.integral[lane].T),
         across=np.ascontiguousarray(across[:, lane]),
@@ -129,6 +139,7 @@ def new_loop_stages(
         half_y=np.zeros((2, s, m)),
         needed=np.zeros((m, LANES)),
         pull=np.zeros((n, LANES)),
+        pull_moment=np.zeros((n, LANES)),
         rest=np.zeros((n, LANES)),
         independent=np.ones(m, dtype=bool),
         matrix=np.zeros((s * m, s * m)),
@@ -152,6 +163,8 @@ def begin(
     """Set what the equations need of the start of a step, and the entries of G there."""
     cut, start, state = loops.cut, loops.start, workspace.state
     frames, x, R = workspace.system.frames, state.x, workspace.start.frames.R
+    for w in range(stages.work.size):
+        stages.work[w] = 0.0
     for q in range(cut.angle.size):
         start.angle[q] = state.angle[cut.angle[q]]
     coincide.prepare(cut.coincide, R, start.coincide)
@@ -167,7 +180,7 @@ def begin(
     _enter_node(loops, motion, workspace, stages, 0.0, 0)
     _set_gradient(loops, motion)
     for e in range(cut.coordinate.size):
-        loops.lever[e, 0] = loops.gradient[e, 0]
+        loops.lever[e, 0] = loops.moment[e, 0] = loops.gradient[e, 0]
     if cut.redundant:
         mass_matrix.set_factors(tree, motion)
         _set_end_matrix(loops, tree, motion)
@@ -314,13 +327,40 @@ def _set_gradient(loops: LoopStages, motion: TreeMotion) -> None:
         for e in range(cut.first[r], cut.first[r + 1]):
             k = cut.coordinate[e]
             a, s = vector_at(motion.screw, 6 * k), vector_at(motion.screw, 6 * k + 3)
-            total = spread(0.0)
-            for piece in range(PIECES):
-                if cut.acts[e, piece]:
-                    place = 6 * (PIECES * r + piece)
-                    M, F = vector_at(loops.wrench, place), vector_at(loops.wrench, place + 3)
-                    total = total + (dot(a, M) + dot(s, F))
-            store(loops.gradient, e, total)
+            store(loops.gradient, e, _work(loops, r, e, a, s))
+
+
+@kernel
+def _work(loops: LoopStages, r: int, e: int, a: LaneVector, s: LaneVector) -> Lanes:
+    """What the unit multiplier of equation ``r`` does along the screw (a, s) of its entry ``e``."""
+    total = spread(0.0)
+    for piece in range(PIECES):
+        if loops.cut.acts[e, piece]:
+            place = 6 * (PIECES * r + piece)
+            M, F = vector_at(loops.wrench, place), vector_at(loops.wrench, place + 3)
+            total = total + (dot(a, M) + dot(s, F))
+    return total
+
+
+@kernel
+def _set_levers(loops: LoopStages, tree: Tree, motion: TreeMotion) -> None:
+    """Set the entries of G at t_1 ... t_(s-1) where multipliers act, after ``_set_gradient``."""
+    cut, last = loops.cut, loops.weight.size - 1
+    for r in range(cut.scale.size):
+        for e in range(cut.first[r], cut.first[r + 1]):
+            for i in range(last):
+                loops.lever[e, i + 1] = loops.gradient[e, i]
+            if loops.is_ball[e]:
+                k = cut.coordinate[e]
+                b = tree.body[k]
+                before = tree.parent[b]
+                D = matrix_at_lanes(motion.rotation, 9 * before)
+                arm = lanes_times(D, at(motion.parent_arm, b))
+                point = sum_of(vector_at(motion.place, 3 * before), arm)
+                a = lanes_times(D, at(motion.axis, k))
+                store(loops.balance, e, _work(loops, r, e, a, cross(point, a)))
+                for i in range(last):
+                    loops.moment[e, i + 1] = loops.balance[e, i]
 
 
 @kernel
@@ -406,32 +446,52 @@ def set_nodes(
     for i in range(s):
         _enter_node(loops, motion, workspace, stages, h * stages.tableau.constraint_time[i], i)
     _set_gradient(loops, motion)
-    for e in range(cut.coordinate.size):
-        for i in range(1, s):
-            loops.lever[e, i] = loops.gradient[e, i - 1]
-    _set_pull(loops)
+    _set_levers(loops, tree, motion)
+    set_pull(loops)
 
 
-@kernel
-def _set_pull(loops: LoopStages) -> None:
-    """Set ``pull`` to that of the unknowns."""
+@optional()
+def set_pull(loops: LoopStages) -> None:
+    """Set ``pull`` and ``pull_moment`` to those of the unknowns."""
     m = loops.cut.scale.size
     for i in range(loops.weight.size):
         for r in range(m):
             loops.right[m * i + r] = loops.y[i, r]
-    _set_pull_of(loops, loops.right)
+    _set_pull_of(loops, loops.lever, loops.right, loops.pull)
+    _set_pull_of(loops, loops.moment, loops.right, loops.pull_moment)
 
 
 @kernel
-def _set_pull_of(loops: LoopStages, y: np.ndarray) -> None:
-    """Set ``pull`` to that of unknowns ``y`` (s m,)."""
+def _set_pull_of(loops: LoopStages, lever: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
+    """Set ``out`` to what unknowns ``y`` (s m,) do by the ``lever``."""
     cut, m = loops.cut, loops.cut.scale.size
-    for k in range(loops.pull.shape[0]):
-        store(loops.pull, k, spread(0.0))
+    for k in range(out.shape[0]):
+        store(out, k, spread(0.0))
     for r in range(m):
         for e in range(cut.first[r], cut.first[r + 1]):
             for i in range(loops.weight.size):
-                loops.pull[cut.coordinate[e], i] += loops.lever[e, i] * y[m * i + r]
+                out[cut.coordinate[e], i] += lever[e, i] * y[m * i + r]
+
+
+@optional(0.0)
+def impulse(loops: LoopStages, k: int, h: float) -> float:
+    """Impulse of the multipliers over the step along coordinate ``k``."""
+    return _sum(loops, loops.pull, k) / h
+
+
+@optional(0.0)
+def moment_impulse(loops: LoopStages, k: int, h: float) -> float:
+    """Likewise of a ball, about axes fixed in its parent."""
+    return _sum(loops, loops.pull_moment, k) / h
+
+
+@kernel
+def _sum(loops: LoopStages, pull: np.ndarray, k: int) -> float:
+    """Sum of row ``k`` of ``pull`` with the weights of the nodes."""
+    total = 0.0
+    for i in range(loops.weight.size):
+        total += loops.weight[i] * pull[k, i]
+    return total
 
 
 @optional()
@@ -499,7 +559,7 @@ def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> floa
         for k in range(loops.weight.size):
             right[m * k + r] = -loops.needed[r, k] if loops.independent[r] else 0.0
     small_system.solve(loops.matrix, loops.pivot, right)
-    _set_pull_of(loops, right)
+    _set_pull_of(loops, loops.lever, right, loops.pull)
     for r in range(m):
         for i in range(loops.weight.size):
             loops.y[i, r] += right[m * i + r]
@@ -547,17 +607,6 @@ def _largest_left(loops: LoopStages, motion: TreeMotion, h: float) -> float:
 
 
 @optional()
-def add_impulse(loops: LoopStages, motion: TreeMotion, h: float) -> None:
-    """Add the impulses of the solved step to the momenta ``motion.y`` at its end."""
-    _set_pull(loops)
-    for k in range(motion.rate.size):
-        total = 0.0
-        for i in range(loops.weight.size):
-            total += loops.weight[i] * loops.pull[k, i] / h
-        store(motion.y, k, spread(motion.y[k, 0] + total))
-
-
-@optional()
 def project(
     loops: LoopStages,
     tree: Tree,
@@ -567,10 +616,10 @@ def project(
     h: float,
 ) -> None:
     """Make the rates ``motion.y`` at the end of the step satisfy the constraints, by the impulses
-    of the last node; save multipliers and violations of the state.
+    of the last node, after ``mass_matrix.solve`` for the momenta there.
     """
     cut, y, mu, state = loops.cut, motion.y, loops.end_right, workspace.state
-    m, last = cut.scale.size, loops.weight.size - 1
+    m = cut.scale.size
     _add_work(cut.scalar, loops, workspace, stages, h)
     for k in range(motion.rate.size):
         store(loops.rest, k, load(y, k))
@@ -585,12 +634,9 @@ def project(
         if not loops.independent[r]:
             _take_out(loops.end_matrix, r)
             mu[r] = 0.0
-        node, slot = cut.place[r, 0], cut.place[r, 1]
-        state.violation[node, slot] = loops.violation[r, 0]
-        state.force[node, slot] = loops.y[last, r] * cut.scale[r] / (h * h)
     small_system.factor(loops.end_matrix, loops.end_pivot)
     small_system.solve(loops.end_matrix, loops.end_pivot, mu)
-    _add_work_of(cut.scalar, loops, workspace, mu, state.time[0] + h, 1.0)
+    _add_work_of(cut.scalar, loops, stages, mu, state.time[0] + h, 1.0)
     for k in range(motion.rate.size):
         store(y, k, spread(0.0))
     for r in range(m):
@@ -600,8 +646,17 @@ def project(
     mass_matrix.solve(tree, motion)
     for k in range(motion.rate.size):
         store(y, k, load(y, k) + load(loops.rest, k))
-    for i in range(last + 1):
-        for r in range(m):
+
+
+@optional()
+def save(loops: LoopStages, state: State, h: float) -> None:
+    """Save the multipliers, also as those of the ``state``, and the violations that are left."""
+    cut, last = loops.cut, loops.weight.size - 1
+    for r in range(cut.scale.size):
+        node, slot = cut.place[r, 0], cut.place[r, 1]
+        state.violation[node, slot] = loops.violation[r, 0]
+        state.force[node, slot] = loops.y[last, r] * cut.scale[r] / (h * h)
+        for i in range(last + 1):
             loops.last_y[i, r] = loops.y[i, r]
 
 
@@ -635,14 +690,14 @@ def _add_work(
     for i in range(s):
         share = loops.weight[i] / h
         at_node = t + h * stages.tableau.multiplier_time[i]
-        _add_work_of(group, loops, workspace, loops.y[i], at_node, share)
+        _add_work_of(group, loops, stages, loops.y[i], at_node, share)
 
 
 @optional()
 def _add_work_of(
     group: scalar.ScalarConstraints,
     loops: LoopStages,
-    workspace: Workspace,
+    stages: StageArrays,
     y: np.ndarray,
     t: float,
     share: float,
@@ -654,7 +709,7 @@ def _add_work_of(
         if equation >= 0 and rows.law[equation] >= 0:
             rate = equations.law_rate(rows, group.laws, equation, t)
             work = share * y[r] * cut.scale[r] * rate
-            workspace.state.work[group.equation_column[equation]] += work
+            stages.work[group.equation_column[equation]] += work
 
 
 @optional()

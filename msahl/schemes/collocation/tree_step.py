@@ -6,12 +6,23 @@ collocated at the Gauss nodes c_i, with the rates u_j there as unknowns:
     q_i = h sum_j a_ij u_j ,    p(q_i, u_i) = p0 + h sum_j a_ij dp/dt(q_j, u_j)
     q_1 = h sum_j b_j u_j ,     p_1 = p0 + h sum_j b_j dp/dt(q_j, u_j) ,    M(q_1) u = p_1
 
-Coordinates count from the start of the step; p0 are the momenta of the bodies there, carried along
-by a change of coordinates, so the step is symplectic as the collocation in (q, p) is. As dp/du is
-the mass matrix, each iteration subtracts from the rates what the inverse of M(q_i) makes of the
-residual; it contracts by about h times the rates of rotation, and by h^2 stiffness/mass. All nodes
-are evaluated at once, in lanes. Where the iteration does not converge the step is left to Newton's
-method in absolute coordinates, and so are the following ones, of which there are more each time.
+Coordinates count from the start of the step, and p0 are the momenta of the bodies there. From step
+to step the coordinates of hinges and slides differ by constants, which changes nothing: the step is
+symplectic, as collocation in (q, p) is. The hinges of a ball have other axes in each step. With
+their momenta p0 = L0 at the start, those about the same axes fixed in the parent, the step would
+not be symplectic. It is with the p0 by which the momenta at the end are
+
+    L_1 = L0 + h sum_j b_j dL/dt(q_j, u_j) ,     p_1 = E(q_1)^T L_1
+
+where E u is the angular velocity by the rates u in those axes, and dL/dt is the ``moment`` of the
+recursion. It follows from varying the orientation at the start of the action over one step, with
+the axes that it carries along; a ball without moments keeps its angular momentum exactly.
+
+As dp/du is the mass matrix, each iteration subtracts from the rates what the inverse of M(q_i)
+makes of the residual; it contracts by about h times the rates of rotation, and by h^2
+stiffness/mass. All nodes are evaluated at once, in lanes. Where the iteration does not converge the
+step is left to Newton's method in absolute coordinates, and so are the following ones, of which
+there are more each time.
 
 Loads come from the elements themselves, which see the bodies' poses and velocities at each node.
 
@@ -31,6 +42,7 @@ from msahl.algebra.vector import (
     add,
     at,
     cross,
+    matrix_at,
     put,
     scale,
     sub,
@@ -54,7 +66,7 @@ from msahl.schemes.collocation import equations, predictor, tree_loops
 from msahl.schemes.collocation.tableau import Halves, Tableau, lagrange
 from msahl.schemes.collocation.tree_loops import LoopStages, new_loop_stages
 from msahl.schemes.collocation.workspace import StageArrays
-from msahl.schemes.common.criteria import AT_REST, DIVERGED, STUCK
+from msahl.schemes.common.criteria import AT_REST, STUCK
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system import evaluate
@@ -63,18 +75,18 @@ from msahl.system.cut import Cut
 
 TARGET = 1e-14
 """As ``newton.TARGET``, of the last correction times its contraction."""
+WORK_TARGET = 1e-12
+"""Largest last correction where loads do work, which is evaluated before it: work changes with the
+velocities themselves, momenta with the time step times these."""
 MAX_ITERATIONS = 14
 """Iterations after which a step is left to Newton's method, which takes three to five."""
-MAX_ANGLE = 1.5
-"""Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``."""
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
-FROM_TREE, RESTING, REST = range(3)
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS = range(5)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
-steps to be left to Newton's method now, and after the next step that is not solved."""
-
-
-FRESH = (0.0, 0.0, 1.0)
+steps to be left to Newton's method now, and after the next step that is not solved; iterations and
+steps in this form so far."""
+FRESH = (0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 class TreeStages(NamedTuple):
@@ -87,7 +99,8 @@ class TreeStages(NamedTuple):
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
     half_rates: np.ndarray  # (2, s + 1, n) of both halves of a pair
-    figures: np.ndarray  # (3,) see above
+    half_form: np.ndarray  # (2,) ``FROM_TREE`` after each of them
+    figures: np.ndarray  # (5,) see above
 
 
 def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tableau) -> TreeStages:
@@ -106,6 +119,7 @@ def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tablea
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
         half_rates=np.zeros((2, s + 1, n)),
+        half_form=np.zeros(2),
         figures=np.array(FRESH),
     )
 
@@ -124,24 +138,28 @@ def take_step(
     if not residual <= TOLERANCE:
         tree.figures[RESTING] = tree.figures[REST]
         tree.figures[REST] = min(2.0 * tree.figures[REST], LONGEST_REST)
-        leave(tree, stages)
         return False
     outcome[0], outcome[1] = residual, -1.0
     accept(tree, workspace, stages, h)
     return True
 
 
-@optional()
-def leave(tree: TreeStages, stages: StageArrays) -> None:
-    """Predict the next step from its start alone, where the last one was of the other form."""
+@optional(False)
+def leave(tree: TreeStages, stages: StageArrays) -> bool:
+    """Predict the next step from its start alone where the last one was of this form, which has no
+    multipliers; return whether it was.
+    """
     if tree.figures[FROM_TREE] > 0.0:
         stages.last_step[1] = 0.0
         tree.figures[FROM_TREE] = 0.0
+        return True
+    return False
 
 
 @optional()
 def save_half(tree: TreeStages, half: int) -> None:
-    """Keep the rates of a half of a pair."""
+    """Keep the rates of a half of a pair, and its form."""
+    tree.half_form[half] = tree.figures[FROM_TREE]
     for j in range(tree.rates.shape[0]):
         for k in range(tree.rates.shape[1]):
             tree.half_rates[half, j, k] = tree.last_rates[j, k]
@@ -151,15 +169,17 @@ def save_half(tree: TreeStages, half: int) -> None:
 @optional()
 def follow_half(tree: TreeStages) -> None:
     """Let the next prediction follow the second half."""
+    tree.figures[FROM_TREE] = tree.half_form[1]
     for j in range(tree.rates.shape[0]):
         for k in range(tree.rates.shape[1]):
             tree.last_rates[j, k] = tree.half_rates[1, j, k]
     tree_loops.follow_half(tree.loops)
 
 
-@optional()
-def follow_halves(tree: TreeStages, halves: Halves) -> None:
-    """Let the next prediction follow both halves."""
+@optional(True)
+def follow_halves(tree: TreeStages, halves: Halves) -> bool:
+    """Let the next prediction follow both halves; return whether it can, as they are of one form."""
+    tree.figures[FROM_TREE] = tree.half_form[1]
     half, weights = halves.rate_half, halves.rates
     for i in range(half.size):
         for k in range(tree.rates.shape[1]):
@@ -168,6 +188,7 @@ def follow_halves(tree: TreeStages, halves: Halves) -> None:
                 total += weights[i, j] * tree.half_rates[half[i], j, k]
             tree.last_rates[i, k] = total
     tree_loops.follow_halves(tree.loops, halves.multiplier_half, halves.multipliers)
+    return bool(tree.half_form[0] == tree.half_form[1])
 
 
 @unit
@@ -176,7 +197,7 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     motion = tree.motion
     recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
     tree_loops.begin(tree.loops, tree.tree, motion, workspace, stages, h)
-    follows = predict(tree, stages, workspace.state.time[0], h)
+    follows = predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
     tree_loops.predict(tree.loops, workspace, stages, follows, h)
     if not tree.tree.bare:
         forces.node_factors(
@@ -186,7 +207,8 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             stages.tableau.from_moments,
             stages.factor,
         )
-    before, smallest = math.inf, math.inf
+    before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
+    tree.figures[STEPS] += 1.0
     for iteration in range(MAX_ITERATIONS):
         tree_loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
         if not set_coordinates(tree, h):
@@ -200,15 +222,16 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
         recursion.set_momenta(tree.tree, motion)
-        residual = correct(tree, h)
+        residual = correct(tree, stages.tableau.force_weight, h)
         workspace.counts[0] += 1
+        tree.figures[ITERATIONS] += 1.0
         if iteration == 0:
             stages.predicted_well[0] = 1.0 if residual <= PREDICTED_WELL else 0.0
         ratio = residual / before if iteration > 0 else 1.0
-        if residual * min(1.0, ratio) <= TARGET or (ratio > STUCK and residual <= TOLERANCE):
-            return min(residual, TOLERANCE)
-        smallest = min(smallest, residual)
-        if not residual <= DIVERGED * smallest:
+        left = residual * min(1.0, ratio)
+        if (left <= TARGET and residual <= most) or (ratio > STUCK and residual <= TOLERANCE):
+            return left
+        if iteration > 0 and is_hopeless(residual, ratio, MAX_ITERATIONS - 1 - iteration):
             return math.inf
         before = residual
     return math.inf
@@ -216,31 +239,82 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
 
 PREDICTED_WELL = 0.03
 """As ``newton.PREDICTED_WELL``, of the first correction."""
+SLOWER = 2.0
+"""Factor by which the iteration may turn out to converge faster than its last two corrections say:
+the first ones contain parts that vanish at once, or grow before they fall."""
 
 
 @kernel
-def predict(tree: TreeStages, stages: StageArrays, t: float, h: float) -> bool:
+def is_hopeless(residual: float, ratio: float, left: int) -> bool:
+    """Whether ``left`` further iterations will not do, by the ``ratio`` of the last corrections."""
+    if not ratio < 1.0:
+        return not (ratio < GROWTH and residual < SMALL)
+    return residual * ratio ** (SLOWER * left) > TARGET
+
+
+GROWTH, SMALL = 10.0, 0.1
+"""Ratio of corrections, and their size, up to which growth is not taken for divergence."""
+
+
+@kernel
+def predict(tree: TreeStages, stages: StageArrays, R: np.ndarray, t: float, h: float) -> bool:
     """Set the rates at the nodes to the prediction from the step to follow, or to those at the
-    start; return whether there is one to follow.
+    start, where the frames have the orientations ``R``; return whether there is one to follow.
+
+    What is extrapolated of a ball is its angular velocity in the parent's axes, as its hinges have
+    other axes in each step.
     """
     motion, s = tree.motion, tree.rates.shape[0] - 1
     follows = False
     if tree.figures[FROM_TREE] > 0.0:
         follows = predictor.set_weights(stages, t, h)
+    _set_start(tree, R)
     for k in range(motion.rate.size):
         for i in range(s):
-            value = motion.rate[k]
+            value = tree.rates[s, k]
             if follows:
                 value = stages.rate_weights[i, s + 1] * value
                 for j in range(s + 1):
                     value += stages.rate_weights[i, j] * tree.last_rates[j, k]
             motion.u[k, i] = value
-        for i in range(s, LANES):
-            motion.u[k, i] = motion.u[k, s - 1]
     for b in range(1, tree.tree.frame.size):
         if tree.tree.is_ball[b]:
-            _to_hinges(tree, tree.tree.first[b], h)
+            _to_hinges(tree, R, b, h)
+    for k in range(motion.rate.size):
+        for i in range(s, LANES):
+            motion.u[k, i] = motion.u[k, s - 1]
     return follows
+
+
+@kernel
+def _set_start(tree: TreeStages, R: np.ndarray) -> None:
+    """Set the last of ``tree.rates`` to those at the start."""
+    motion, s = tree.motion, tree.rates.shape[0] - 1
+    for k in range(motion.rate.size):
+        tree.rates[s, k] = motion.rate[k]
+    for b in range(1, tree.tree.frame.size):
+        if tree.tree.is_ball[b]:
+            k = tree.tree.first[b]
+            w = in_parent(tree, R, b, (motion.rate[k], motion.rate[k + 1], motion.rate[k + 2]))
+            for c in range(3):
+                tree.rates[s, k + c] = w[c]
+
+
+@kernel
+def in_parent(tree: TreeStages, R: np.ndarray, b: int, w: Vector) -> Vector:
+    """Vector in the parent's axes, from its components along the hinges of the ball of body ``b``
+    at the start of the step.
+    """
+    axes = axes_of_ball(tree, b)
+    parent = matrix_at(R, tree.tree.frame[tree.tree.parent[b]])
+    return times(transpose(parent), times(transpose(axes), w))
+
+
+@kernel
+def axes_of_ball(tree: TreeStages, b: int) -> tuple[Vector, Vector, Vector]:
+    """Axes of the three hinges of body ``b`` at the start of the step, inertial axes."""
+    k, axis = tree.tree.first[b], tree.motion.axis
+    return (at(axis, k), at(axis, k + 1), at(axis, k + 2))
 
 
 SWEEPS = 3
@@ -248,32 +322,35 @@ SWEEPS = 3
 
 
 @kernel
-def _to_hinges(tree: TreeStages, k: int, h: float) -> None:
-    """Replace angular velocities of a ball, in the parent's axes, by rates of its hinges from
-    coordinate ``k``.
+def _to_hinges(tree: TreeStages, R: np.ndarray, b: int, h: float) -> None:
+    """Replace angular velocities of the ball of body ``b``, in the parent's axes, by the rates of
+    its hinges.
     """
-    u, s = tree.motion.u, tree.rates.shape[0] - 1
+    k, u, s = tree.tree.first[b], tree.motion.u, tree.rates.shape[0] - 1
+    axes, parent = axes_of_ball(tree, b), matrix_at(R, tree.tree.frame[tree.tree.parent[b]])
     for i in range(s):
+        w = times(axes, times(parent, (u[k, i], u[k + 1, i], u[k + 2, i])))
         for c in range(3):
-            tree.rates[i, k + c] = u[k + c, i]
+            tree.rates[i, k + c] = w[c]
     for _ in range(SWEEPS):
         for i in range(s):
             x, y = 0.0, 0.0
             for j in range(s):
                 x += h * tree.nodes[j, i] * u[k, j]
                 y += h * tree.nodes[j, i] * u[k + 1, j]
-            w = (tree.rates[i, k], tree.rates[i, k + 1], tree.rates[i, k + 2])
-            first, second, third = hinge_rates(x, y, w)
-            tree.motion.y[k, i], tree.motion.y[k + 1, i] = first, second
-            tree.motion.y[k + 2, i] = third
+            w = hinge_rates(x, y, (tree.rates[i, k], tree.rates[i, k + 1], tree.rates[i, k + 2]))
+            for c in range(3):
+                tree.motion.y[k + c, i] = w[c]
         for c in range(3):
-            for i in range(LANES):
-                u[k + c, i] = tree.motion.y[k + c, min(i, s - 1)]
+            for i in range(s):
+                u[k + c, i] = tree.motion.y[k + c, i]
 
 
 @kernel
 def hinge_rates(x: float, y: float, w: Vector) -> Vector:
-    """Rates of the hinges x, y, z of a ball with an angular velocity ``w`` in the parent's axes."""
+    """Rates of the hinges x, y, z of a ball with an angular velocity ``w`` in the axes that these
+    have at the start of the step.
+    """
     along = math.cos(x) * w[2] - math.sin(x) * w[1]
     third = along / max(math.cos(y), 0.1)  # a prediction need not be right
     return (
@@ -285,7 +362,9 @@ def hinge_rates(x: float, y: float, w: Vector) -> Vector:
 
 @kernel
 def angular_velocity(x: float, y: float, u: Vector) -> Vector:
-    """Angular velocity of a ball in the parent's axes, by the rates ``u`` of its hinges."""
+    """Angular velocity of a ball by the rates ``u`` of its hinges, in the axes that these have at
+    the start of the step.
+    """
     across = math.cos(y) * u[2]
     return (
         u[0] + math.sin(y) * u[2],
@@ -297,28 +376,63 @@ def angular_velocity(x: float, y: float, u: Vector) -> Vector:
 @kernel
 def set_coordinates(tree: TreeStages, h: float) -> bool:
     """Set the coordinates at the nodes; return whether they are within the range of a step."""
-    motion, largest = tree.motion, 0.0
+    motion, within = tree.motion, True
     for k in range(motion.rate.size):
         value = (h * motion.u[k, 0]) * load(tree.nodes, 0)
         for j in range(1, tree.nodes.shape[0]):
             value = value + (h * motion.u[k, j]) * load(tree.nodes, j)
         store(motion.q, k, value)
-        if not tree.tree.slides[k]:
-            for i in range(LANES):
-                # Written so that a nan counts.
-                if not abs(motion.q[k, i]) <= largest:
-                    largest = abs(motion.q[k, i])
-    return largest <= MAX_ANGLE
+        for i in range(LANES):
+            # Written so that a nan counts.
+            if not abs(motion.q[k, i]) <= tree.tree.reach[k]:
+                within = False
+    return within
 
 
 @kernel
-def correct(tree: TreeStages, h: float) -> float:
+def set_end_momenta(tree: TreeStages, weight: np.ndarray, h: float) -> None:
+    """Set the momenta at the end of the step from those at its start and their rates."""
+    motion = tree.motion
+    for k in range(motion.rate.size):
+        motion.end_momentum[k] = changed(motion.momentum[k], motion.force, k, weight, h)
+        motion.end_momentum[k] += tree_loops.impulse(tree.loops, k, h)
+    for b in range(1, tree.tree.frame.size):
+        if tree.tree.is_ball[b]:
+            k = tree.tree.first[b]
+            x, y = changed(0.0, motion.u, k, weight, h), changed(0.0, motion.u, k + 1, weight, h)
+            about_x = changed(motion.momentum[k], motion.moment, k, weight, h)
+            about_y = changed(motion.momentum[k + 1], motion.moment, k + 1, weight, h)
+            about_z = changed(motion.momentum[k + 2], motion.moment, k + 2, weight, h)
+            about_x += tree_loops.moment_impulse(tree.loops, k, h)
+            about_y += tree_loops.moment_impulse(tree.loops, k + 1, h)
+            about_z += tree_loops.moment_impulse(tree.loops, k + 2, h)
+            across = math.cos(x) * about_z - math.sin(x) * about_y
+            motion.end_momentum[k] = about_x
+            motion.end_momentum[k + 1] = math.cos(x) * about_y + math.sin(x) * about_z
+            motion.end_momentum[k + 2] = math.sin(y) * about_x + math.cos(y) * across
+
+
+@kernel
+def changed(value: float, rates: np.ndarray, k: int, weight: np.ndarray, h: float) -> float:
+    """``value`` at the start of the step plus the integral over it of row ``k`` of ``rates``."""
+    for i in range(weight.size):
+        value += h * weight[i] * rates[k, i]
+    return value
+
+
+@kernel
+def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
     """Subtract from the rates what the mass matrices make of the residual; return the largest
     correction relative to the largest displacement of the step.
     """
     motion, s = tree.motion, tree.nodes.shape[0]
+    set_end_momenta(tree, weight, h)
     for k in range(motion.rate.size):
-        value = load(motion.p, k) - motion.momentum[k]
+        begin = motion.momentum[k]
+        if tree.tree.is_ball[tree.tree.body[k]]:
+            begin = changed(motion.end_momentum[k], motion.force, k, weight, -h)
+            begin -= tree_loops.impulse(tree.loops, k, h)
+        value = load(motion.p, k) - begin
         for j in range(s):
             value = value - (h * motion.force[k, j]) * load(tree.nodes, j)
         store(motion.y, k, value)
@@ -422,7 +536,7 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
     """Advance the state by the solved step."""
     system, state, start = workspace.system, workspace.state, workspace.start
     frames, last = system.frames, tree.nodes.shape[0] - 1
-    _save_rates(tree)
+    _save_rates(tree, start.frames.R)
     for b in range(1, tree.tree.frame.size):
         _, _, v, W = body_motion(tree, b, last)
         put(state.a, tree.tree.frame[b], v)
@@ -435,14 +549,18 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
         put(state.a, f, restrict(frames, 0, scale(rest, sub(v, at(state.a, f)))))
         put(state.alpha, f, restrict(frames, 1, scale(rest, sub(W, at(state.alpha, f)))))
         put(state.x, f, x)
+        # Positions follow from rotations, which are composed without such a rest.
         put(state.x_low, f, ZERO)
         p = compose(c, at(state.p, f))
         put(state.p, f, p)
         put(state.v, f, restrict(frames, 0, v))
         put(state.w, f, times(transpose(matrix(p)), restrict(frames, 1, W)))
-    if not tree.tree.bare:
-        for w in range(state.work.size):
-            state.work[w] += stages.work[w]
+    for k in range(state.force.shape[0]):
+        put(state.force, k, ZERO)
+        put(state.violation, k, ZERO)
+    tree_loops.save(tree.loops, state, h)
+    for w in range(state.work.size):
+        state.work[w] += stages.work[w]
     stages.last_step[0], stages.last_step[1] = state.time[0], h
     tree.figures[FROM_TREE], tree.figures[REST] = 1.0, max(1.0, 0.5 * tree.figures[REST])
     state.time[0] += h
@@ -451,11 +569,11 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
 
 
 @kernel
-def _save_rates(tree: TreeStages) -> None:
-    """Keep the rates of the solved step, of balls as angular velocities in the parent's axes."""
+def _save_rates(tree: TreeStages, R: np.ndarray) -> None:
+    """Keep the rates of the solved step to predict the next one, see ``predict``."""
     motion, s = tree.motion, tree.nodes.shape[0]
     for k in range(motion.rate.size):
-        tree.last_rates[s, k] = motion.rate[k]
+        tree.last_rates[s, k] = tree.rates[s, k]
         for i in range(s):
             tree.last_rates[i, k] = motion.u[k, i]
     for b in range(1, tree.tree.frame.size):
@@ -465,6 +583,7 @@ def _save_rates(tree: TreeStages) -> None:
         for i in range(s):
             rates = (motion.u[k, i], motion.u[k + 1, i], motion.u[k + 2, i])
             w = angular_velocity(motion.q[k, i], motion.q[k + 1, i], rates)
+            w = in_parent(tree, R, b, w)
             for c in range(3):
                 tree.last_rates[i, k + c] = w[c]
 
@@ -472,15 +591,12 @@ def _save_rates(tree: TreeStages) -> None:
 @kernel
 def _set_end(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> None:
     """Set the motion at the end of the step in every lane."""
-    motion, tableau = tree.motion, stages.tableau
+    motion, weight = tree.motion, stages.tableau.force_weight
+    tree_loops.set_pull(tree.loops)
+    set_end_momenta(tree, weight, h)
     for k in range(motion.rate.size):
-        q, p = 0.0, motion.momentum[k]
-        for i in range(tableau.force_weight.size):
-            q += h * tableau.force_weight[i] * motion.u[k, i]
-            p += h * tableau.force_weight[i] * motion.force[k, i]
-        store(motion.q, k, spread(q))
-        store(motion.y, k, spread(p))
-    tree_loops.add_impulse(tree.loops, motion, h)
+        store(motion.q, k, spread(changed(0.0, motion.u, k, weight, h)))
+        store(motion.y, k, spread(motion.end_momentum[k]))
     recursion.set_places(tree.tree, motion)
     mass_matrix.set_factors(tree.tree, motion)
     mass_matrix.solve(tree.tree, motion)
