@@ -23,7 +23,6 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import register_jitable
 
-from msahl.jit import lanes_machine  # noqa: F401 - registers itself
 from msahl.jit.arguments import GROUP, Description, result_of, symbol_of
 from msahl.jit.kernel import APART, MARKED, UNITS
 from msahl.jit.linking import Included, Library, ObjectLibrary, Separate

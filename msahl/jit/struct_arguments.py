@@ -22,7 +22,7 @@ _SCALARS = {
     INT: types.int64,
     BOOL: types.boolean,
     NONE: types.none,
-    "lanes": lanes,
+    "lanes": lanes,  # between kernels; Python passes none
 }
 
 

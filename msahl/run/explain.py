@@ -171,6 +171,18 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
             "h v + h^2 g/2 exactly, and only the rotation is solved for"
         )
     yield f"{head}elimination: {lu.order.size} pivots, {products(lu)} multiplications"
+    yield head + _formulation(integrator)
+
+
+def _formulation(integrator: SubsystemIntegrator) -> str:
+    """The coordinates in which steps are solved, and why."""
+    tree, reason = integrator.formulation
+    if tree is None:
+        return f"steps are solved in absolute coordinates, with multipliers: {reason}"
+    return (
+        f"steps are solved in {_count(integrator.unknowns, 'joint coordinate')}, without "
+        "constraint equations: the joints form an open tree on the ground"
+    )
 
 
 def _members(subsystem: Model) -> str:

@@ -160,6 +160,12 @@ class SubsystemIntegrator:
         free = workspace.unknowns.free
         return choose_formulation(self.model, workspace.system, workspace.start, free, self.axis)
 
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns that steps are solved for."""
+        tree = self.formulation.tree
+        return self.workspace.unknowns.free.size if tree is None else tree.body.size
+
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
         elements = (*self.model.joints, *self.model.couplings, *self.model.motions)

@@ -82,11 +82,15 @@ MAX_ITERATIONS = 14
 """Iterations after which a step is left to Newton's method, which takes three to five."""
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
-FROM_TREE, RESTING, REST, ITERATIONS, STEPS = range(5)
+CAUTION, FORGETTING = 4.0, 1.2
+"""Factor of the contraction measured in an earlier step, with which a first correction is judged,
+and its growth by every step that did not measure it."""
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE = range(7)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
 steps to be left to Newton's method now, and after the next step that is not solved; iterations and
-steps in this form so far."""
-FRESH = (0.0, 0.0, 1.0, 0.0, 0.0)
+steps in this form so far; ratio of the second to the first correction, and the size of the step in
+which it was measured [s]."""
+FRESH = (0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0)
 
 
 class TreeStages(NamedTuple):
@@ -100,7 +104,7 @@ class TreeStages(NamedTuple):
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
     half_rates: np.ndarray  # (2, s + 1, n) of both halves of a pair
     half_form: np.ndarray  # (2,) ``FROM_TREE`` after each of them
-    figures: np.ndarray  # (5,) see above
+    figures: np.ndarray  # (7,) see above
 
 
 def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tableau) -> TreeStages:
@@ -227,14 +231,33 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         tree.figures[ITERATIONS] += 1.0
         if iteration == 0:
             stages.predicted_well[0] = 1.0 if residual <= PREDICTED_WELL else 0.0
-        ratio = residual / before if iteration > 0 else 1.0
+        ratio = contraction(tree, residual, before, iteration, h)
         left = residual * min(1.0, ratio)
-        if (left <= TARGET and residual <= most) or (ratio > STUCK and residual <= TOLERANCE):
+        if left <= TARGET and residual <= most:
+            return left
+        if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
             return left
         if iteration > 0 and is_hopeless(residual, ratio, MAX_ITERATIONS - 1 - iteration):
             return math.inf
         before = residual
     return math.inf
+
+
+@kernel
+def contraction(
+    tree: TreeStages, residual: float, before: float, iteration: int, h: float
+) -> float:
+    """Ratio of the present correction to the one ``before`` it; for the first one that of the next
+    to it, as far as it is known from earlier steps.
+    """
+    figures = tree.figures
+    if iteration == 0:
+        figures[CONTRACTION] *= FORGETTING
+        return float(CAUTION * figures[CONTRACTION] * max(1.0, h / figures[SIZE]) ** 2)
+    ratio = residual / before
+    if iteration == 1:
+        figures[CONTRACTION], figures[SIZE] = ratio, h
+    return ratio
 
 
 PREDICTED_WELL = 0.03
