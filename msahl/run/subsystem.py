@@ -163,8 +163,10 @@ class SubsystemIntegrator:
     @property
     def unknowns(self) -> int:
         """Number of unknowns that steps are solved for."""
-        tree = self.formulation.tree
-        return self.workspace.unknowns.free.size if tree is None else tree.body.size
+        tree, cut = self.formulation.tree, self.formulation.cut
+        if tree is None:
+            return self.workspace.unknowns.free.size
+        return tree.body.size + (0 if cut is None else cut.scale.size)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""

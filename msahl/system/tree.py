@@ -46,12 +46,16 @@ ALONG = 0.5
 
 
 class Formulation(NamedTuple):
-    """Coordinates of a subsystem: those of a ``tree``, or, for a ``reason``, absolute ones."""
+    """Coordinates of a subsystem: those of a ``tree``, or, for a ``reason``, absolute ones.
+
+    ``cut`` has the equations that close its loops, ``closing`` the joints, couplings and motions to
+    which they belong, by name.
+    """
 
     tree: Tree | None
     reason: str = ""
     cut: Cut | None = None
-    cut_joints: tuple[str, ...] = ()
+    closing: tuple[str, ...] = ()
 
 
 class Branch(NamedTuple):
@@ -81,20 +85,27 @@ def choose_formulation(
     depth = np.diff(tree.row)
     if float(np.sum(depth * depth)) > 2.0 * MOST_PRODUCTS * len(model.bodies):
         return Formulation(None, "they take less work in chains as long as these")
-    kept = {branch.joint.name for branch in branches}
-    elements = (*model.joints, *model.couplings, *model.motions)
-    tied = len(model.joints)
-    closing = {e for e, one in enumerate(elements) if e >= tied or one.name not in kept}
-    cut = build_cut(system, free, tree, closing)
-    if cut is not None and cut.place.shape[0] > MOST_EQUATIONS:
+    closing = _closing(model, branches)
+    cut = build_cut(system, free, tree, set(closing))
+    if cut is not None and cut.scale.size > MOST_EQUATIONS:
         return Formulation(None, "they take less work where so many equations close loops")
-    names = tuple(joint.name for joint in model.joints if joint.name not in kept)
-    return Formulation(tree, "", cut, names)
+    return Formulation(tree, "", cut, tuple(closing.values()) if cut else ())
 
 
-def is_tree(model: Model, system: System) -> bool:
-    """Whether a subsystem has joint coordinates."""
-    return not _excluded(model, system) and _branches(model) is not None
+def _closing(model: Model, branches: list[Branch]) -> dict[int, str]:
+    """Return the names of what is not in the tree, by number among joints, couplings, motions."""
+    kept = {branch.joint.name for branch in branches}
+    elements, tied = (*model.joints, *model.couplings, *model.motions), len(model.joints)
+    names = {e: one.name for e, one in enumerate(elements)}
+    return {e: name for e, name in names.items() if e >= tied or name not in kept}
+
+
+def tree_kind(model: Model, system: System) -> tuple[bool, ...]:
+    """Return nothing for a subsystem without joint coordinates, else whether anything is cut."""
+    branches = None if _excluded(model, system) else _branches(model)
+    if branches is None:
+        return ()
+    return (True,) if _closing(model, branches) else (True, True)
 
 
 def _excluded(model: Model, system: System) -> str:

@@ -5,11 +5,12 @@ their multipliers act there. With the rates u_j at the Gauss nodes c_i,
 
     qt_k = h sum_j ab_kj u_j ,    g(qt_k) = 0    k = 1..s
     p_i  = p0 + h sum_j a_ij dp/dt_j + (1/h) sum_l at_il G_l^T y_l ,    at_il = B_l (1 - ab_li/b_i)
-    p_1  = p0 + h sum_j b_j dp/dt_j + (1/h) sum_l B_l G_l^T y_l + G_s^T mu ,    G_s u(1) = law's rate
+    p_1  = p0 + h sum_j b_j dp/dt_j + (1/h) sum_l B_l G_l^T y_l + G_s^T mu ,    G_s u(1) = r
 
-with G_k = dg/dq at qt_k and the unknowns y_l = h^2 times the multipliers at t_0 ... t_(s-1). The
-equations are those of the elements themselves, which see the bodies' poses at each node; a row of G
-is what the wrenches of a unit multiplier do along the coordinates.
+with G_k = dg/dq at qt_k, the unknowns y_l = h^2 times the multipliers at t_0 ... t_(s-1), and the
+rates r of prescribed motions. The equations are those of the elements themselves, which see the
+bodies' poses at each node; a row of G is what the wrenches of a unit multiplier do along the
+coordinates.
 
 Each iteration subtracts M_j^-1 times the residual from the rates, corrected by the multipliers that
 make the constraints hold to first order: the matrix of these, with blocks
@@ -47,23 +48,26 @@ from msahl.elements.constraints.products import Q_A, U_A, U_B
 from msahl.formulations.absolute.frames import (
     displacement_node,
     first_multiplier,
+    frame_count,
     ground_of,
     put_rotation,
 )
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.formulations.tree.table import Tree, TreeMotion
-from msahl.jit.kernel import kernel, optional, unit
+from msahl.jit.kernel import kernel, optional
 from msahl.jit.lanes import LANES, Lanes, load, spread, store
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
-from msahl.system.arrays import State
+from msahl.schemes.outcome import TOLERANCE
+from msahl.system.arrays import State, System, node_count
 from msahl.system.cut import PIECES, Cut, CutWorkspace, new_cut_workspace
 
 DRIFT_FEEDBACK = 0.01
 """As ``newton.DRIFT_FEEDBACK``."""
 INDEPENDENT = 1e-10
-"""Pivot, relative to its equation's own, above which a redundant equation counts as independent."""
+"""Pivot, relative to the equation's own diagonal entry, above which one of redundant equations
+counts as independent; its square is what that entry must be relative to the largest one."""
 
 
 class LoopStages(NamedTuple):
@@ -98,57 +102,61 @@ class LoopStages(NamedTuple):
     matrix: np.ndarray  # (s m, s m) T, then its factors
     pivot: np.ndarray  # (s m,)
     right: np.ndarray  # (s m,) right-hand side
+    left: np.ndarray  # (1,) largest violation of equations left out, after the last correction [m]
     end_matrix: np.ndarray  # (m, m) G M^-1 G^T at one configuration
     end_pivot: np.ndarray  # (m,)
     end_right: np.ndarray  # (m,)
 
 
-def new_loop_stages(
-    cut: Cut, tree: Tree, motion: TreeMotion, tableau: Tableau, sizes: tuple[int, int, int]
-) -> LoopStages:
-    """Return the arrays for steps by a ``tableau``; ``sizes`` are the numbers of frames, nodes and
-    multipliers' nodes of the system.
-    """
-    frames, nodes, multipliers = sizes
-    b, w = tableau.force_weight, tableau.multiplier_weight
-    s, m, n, e = b.size, cut.place.shape[0], tree.body.size, cut.coordinate.size
-    lane = np.minimum(np.arange(LANES), s - 1)
-    before = np.vstack([np.zeros(s), tableau.integral[:-1]])  # ab_li, l = 0 ... s - 1
-    across = w[:, None] * (1.0 - before / b)
+def new_loop_stages(cut: Cut, tree: Tree, system: System, tableau: Tableau) -> LoopStages:
+    """Return the arrays for steps of a ``system`` by a ``tableau``."""
+    s, m, e = tableau.force_weight.size, cut.scale.size, cut.coordinate.size
+    nodes, multipliers = node_count(system), int(system.multipliers.node.size)
+    arrays = _lane_arrays(cut, tree, tableau)
     return LoopStages(
         cut=cut,
         start=new_cut_workspace(cut, nodes),
         node=new_cut_workspace(cut, nodes),
         still=np.zeros((nodes, 3)),
-        x=np.zeros((frames, 3)),
-        R=np.zeros((frames, 3, 3)),
+        x=np.zeros((frame_count(system.frames), 3)),
+        R=np.zeros((frame_count(system.frames), 3, 3)),
         gap=np.zeros((multipliers, 3)),
-        displacement=np.zeros_like(motion.place),
-        wrench=np.zeros((6 * PIECES * m, LANES)),
-        gradient=np.zeros((e, LANES)),
-        lever=np.zeros((e, LANES)),
-        moment=np.zeros((e, LANES)),
-        balance=np.zeros((e, LANES)),
         is_ball=tree.is_ball[tree.body[cut.coordinate]],
-        violation=np.zeros((m, LANES)),
-        to_nodes=np.ascontiguousarray(tableau.integral[lane].T),
-        across=np.ascontiguousarray(across[:, lane]),
-        weight=w,
+        weight=tableau.multiplier_weight,
         y=np.zeros((s, m)),
         last_y=np.zeros((s, m)),
         half_y=np.zeros((2, s, m)),
-        needed=np.zeros((m, LANES)),
-        pull=np.zeros((n, LANES)),
-        pull_moment=np.zeros((n, LANES)),
-        rest=np.zeros((n, LANES)),
         independent=np.ones(m, dtype=bool),
         matrix=np.zeros((s * m, s * m)),
         pivot=np.zeros(s * m, dtype=np.int64),
         right=np.zeros(s * m),
+        left=np.zeros(1),
         end_matrix=np.zeros((m, m)),
         end_pivot=np.zeros(m, dtype=np.int64),
         end_right=np.zeros(m),
+        **arrays,
+        **{name: np.zeros((e, LANES)) for name in ("gradient", "lever", "moment", "balance")},
     )
+
+
+def _lane_arrays(cut: Cut, tree: Tree, tableau: Tableau) -> dict[str, np.ndarray]:
+    """Return the weights of the nodes, and arrays by bodies, equations and coordinates."""
+    b, w = tableau.force_weight, tableau.multiplier_weight
+    lane = np.minimum(np.arange(LANES), b.size - 1)
+    before = np.vstack([np.zeros(b.size), tableau.integral[:-1]])  # ab_li, l = 0 ... s - 1
+    across = w[:, None] * (1.0 - before / b)
+    m, n = cut.scale.size, tree.body.size
+    rows = {
+        "displacement": 3 * tree.frame.size,
+        "wrench": 6 * PIECES * m,
+        **dict.fromkeys(("violation", "needed"), m),
+        **dict.fromkeys(("pull", "pull_moment", "rest"), n),
+    }
+    return {
+        "to_nodes": np.ascontiguousarray(tableau.integral[lane].T),
+        "across": np.ascontiguousarray(across[:, lane]),
+        **{name: np.zeros((count, LANES)) for name, count in rows.items()},
+    }
 
 
 @optional()
@@ -387,13 +395,16 @@ def _choose(loops: LoopStages) -> None:
     the largest ones first, relative to their own diagonal entries.
     """
     A, m, own = loops.end_matrix, loops.cut.scale.size, loops.end_right
+    most = 0.0
     for r in range(m):
-        own[r] = max(A[r, r], 1e-300)
+        own[r] = A[r, r]
+        most = max(most, own[r])
         loops.independent[r] = False
     for _ in range(m):
         best, largest = -1, INDEPENDENT
         for r in range(m):
-            if not loops.independent[r] and A[r, r] / own[r] > largest:
+            acts = own[r] > INDEPENDENT**2 * most and not loops.independent[r]
+            if acts and A[r, r] / own[r] > largest:
                 best, largest = r, A[r, r] / own[r]
         if best < 0:
             break
@@ -435,7 +446,7 @@ def set_nodes(
     """Set violations and entries of G at the Lobatto nodes of the rates ``motion.u``, and the
     momenta by the multipliers; overwrites coordinates and places.
     """
-    cut, s = loops.cut, loops.weight.size
+    s = loops.weight.size
     for k in range(motion.rate.size):
         value = (h * motion.u[k, 0]) * load(loops.to_nodes, 0)
         for j in range(1, s):
@@ -547,11 +558,10 @@ def add_pull(loops: LoopStages, motion: TreeMotion, h: float) -> None:
         store(loops.rest, k, value)
 
 
-@optional(0.0)
-def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> float:
+@optional()
+def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> None:
     """Correct the multipliers so that the constraints hold after the rates are corrected, too, and
-    set ``motion.y`` to the correction of the rates; it is M^-1 times the residual before. Return
-    the largest violation [m] that is then left of the equations that were left out.
+    set ``motion.y`` to the correction of the rates; it is M^-1 times the residual before.
     """
     right, m = loops.right, loops.cut.scale.size
     _set_needed(loops, motion, h)
@@ -569,7 +579,17 @@ def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> floa
             value = value - (loops.pull[k, j] / h) * load(loops.across, j)
         store(motion.y, k, value)
     mass_matrix.solve(tree, motion)
-    return _largest_left(loops, motion, h) if loops.cut.redundant else 0.0
+    if loops.cut.redundant:
+        loops.left[0] = _largest_left(loops, motion, h)
+
+
+@optional(True)
+def holds(loops: LoopStages, tree: Tree) -> bool:
+    """Whether the equations that were left out hold after the last correction, to round-off."""
+    size = 0.0
+    for k in range(tree.length.size):
+        size = max(size, tree.length[k])
+    return bool(loops.left[0] <= TOLERANCE * size)
 
 
 @kernel
@@ -654,7 +674,8 @@ def save(loops: LoopStages, state: State, h: float) -> None:
     cut, last = loops.cut, loops.weight.size - 1
     for r in range(cut.scale.size):
         node, slot = cut.place[r, 0], cut.place[r, 1]
-        state.violation[node, slot] = loops.violation[r, 0]
+        # What is left of the others no motion can remove.
+        state.violation[node, slot] = loops.violation[r, 0] if loops.independent[r] else 0.0
         state.force[node, slot] = loops.y[last, r] * cut.scale[r] / (h * h)
         for i in range(last + 1):
             loops.last_y[i, r] = loops.y[i, r]
@@ -702,7 +723,7 @@ def _add_work_of(
     t: float,
     share: float,
 ) -> None:
-    """Add the work of prescribed motions at time ``t``, whose impulses are ``share`` times ``y``."""
+    """Add the work of prescribed motions at ``t``, whose impulses are ``share`` times ``y``."""
     rows, cut = group.equations, loops.cut
     for r in range(cut.scale.size):
         equation = cut.equation[r]

@@ -53,7 +53,6 @@ from msahl.elements.constraints import scalar
 from msahl.elements.signals import inputs
 from msahl.formulations.absolute.frames import (
     displacement_node,
-    frame_count,
     restrict,
     rotation_node,
 )
@@ -70,7 +69,7 @@ from msahl.schemes.common.criteria import AT_REST, STUCK
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system import evaluate
-from msahl.system.arrays import System, node_count
+from msahl.system.arrays import System
 from msahl.system.cut import Cut
 
 TARGET = 1e-14
@@ -112,13 +111,12 @@ def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tablea
     of a ``cut`` where loops are closed.
     """
     c, motion = tableau.force_time, new_motion(tree)
-    sizes = frame_count(system.frames), node_count(system), int(system.multipliers.node.size)
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
     return TreeStages(
         tree=tree,
         motion=motion,
-        loops=cut and new_loop_stages(cut, tree, motion, tableau, sizes),
+        loops=cut and new_loop_stages(cut, tree, system, tableau),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
@@ -182,7 +180,7 @@ def follow_half(tree: TreeStages) -> None:
 
 @optional(True)
 def follow_halves(tree: TreeStages, halves: Halves) -> bool:
-    """Let the next prediction follow both halves; return whether it can, as they are of one form."""
+    """Let the next prediction follow both halves; return whether it can: they are of one form."""
     tree.figures[FROM_TREE] = tree.half_form[1]
     half, weights = halves.rate_half, halves.rates
     for i in range(half.size):
@@ -234,9 +232,9 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         ratio = contraction(tree, residual, before, iteration, h)
         left = residual * min(1.0, ratio)
         if left <= TARGET and residual <= most:
-            return left
+            return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
-            return left
+            return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and is_hopeless(residual, ratio, MAX_ITERATIONS - 1 - iteration):
             return math.inf
         before = residual
@@ -461,7 +459,7 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
         store(motion.y, k, value)
     tree_loops.add_pull(tree.loops, motion, h)
     mass_matrix.solve(tree.tree, motion)
-    left = tree_loops.correct(tree.loops, tree.tree, motion, h)
+    tree_loops.correct(tree.loops, tree.tree, motion, h)
     largest, length = 0.0, max(AT_REST, speed_of_loads(tree, h))
     for k in range(motion.rate.size):
         metres = tree.tree.length[k]
@@ -473,7 +471,7 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
             # Written so that a nan counts.
             if not change <= largest:
                 largest = change
-    return max(largest, left / h) / length
+    return largest / length
 
 
 @kernel
