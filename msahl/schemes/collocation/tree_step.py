@@ -211,16 +211,16 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         )
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
     tree.figures[STEPS] += 1.0
+    workspace.counts[1] += 1
     for iteration in range(MAX_ITERATIONS):
         tree_loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
         if not set_coordinates(tree, h):
             return math.inf
         recursion.set_places(tree.tree, motion)
         recursion.set_twists(tree.tree, motion)
-        if iteration == 0:
+        if before > FAR and iteration <= MOST_RENEWALS:
             mass_matrix.set_factors(tree.tree, motion)
             tree_loops.set_factors(tree.loops, tree.tree, motion)
-            workspace.counts[1] += 1
         if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
         recursion.set_momenta(tree.tree, motion)
@@ -235,7 +235,9 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
             return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
-        if iteration > 0 and is_hopeless(residual, ratio, MAX_ITERATIONS - 1 - iteration):
+        if iteration > MOST_RENEWALS and is_hopeless(
+            residual, ratio, MAX_ITERATIONS - 1 - iteration
+        ):
             return math.inf
         before = residual
     return math.inf
@@ -258,6 +260,9 @@ def contraction(
     return ratio
 
 
+FAR, MOST_RENEWALS = 0.01, 3
+"""Correction after which the mass matrices of the prediction are not good enough, and how often
+they are set anew in a step; only then does the ratio of corrections say how the iteration goes."""
 PREDICTED_WELL = 0.03
 """As ``newton.PREDICTED_WELL``, of the first correction."""
 SLOWER = 2.0

@@ -71,11 +71,13 @@ def test_redundant_equations_follow_from_those_that_are_independent():
     for _ in range(3):
         assert steps.take(0.01)
     # A hinge has five equations; a linkage of three coordinates and one freedom has two.
-    assert loops.cut.scale.size == 5 and np.count_nonzero(loops.independent) == 2
+    assert loops.cut.scale.size == 5
+    assert np.count_nonzero(loops.independent) == 2
     violation, rate = np.zeros((2, *steps.state.violation.shape))
     evaluate.observe(steps.workspace.system, steps.state, steps.workspace.start, violation, rate)
     # Round-off of lengths and speeds of 1.
-    assert np.max(np.abs(violation)) < 1e-14 and np.max(np.abs(rate)) < 1e-13
+    assert np.max(np.abs(violation)) < 1e-14
+    assert np.max(np.abs(rate)) < 1e-13
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
