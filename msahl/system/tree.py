@@ -27,7 +27,7 @@ from msahl.formulations.absolute.frames import FramesWorkspace
 from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT, Tree
 from msahl.joints.joint import CHILD, PARENT, TreeAxis
 from msahl.joints.registry import KINDS
-from msahl.model import Joint, Model
+from msahl.model import Joint, Model, RigidBody
 from msahl.ports.forces import pressed_by_reactions
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.collect import frame_index
@@ -41,6 +41,9 @@ MOST_EQUATIONS = 12
 REACH, REACH_ACROSS = 1.5, 1.0
 """Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``; and
 about the second one of a ball, whose three axes are in a plane at a right angle."""
+EQUAL = 1e-6
+"""Difference of principal moments, relative to the largest, within which a body is one of
+revolution."""
 ALONG = 0.5
 """Cosine above which an axis in a planar subsystem is its normal: it is either 1 or 0."""
 
@@ -178,7 +181,7 @@ def _build(
     coordinates: list[tuple[int, bool, int, Vector]] = []
     for b, branch in enumerate(branches, start=1):
         number[branch.body] = b
-        axes, is_ball = _axes(branch, frame, start.frames, axis)
+        axes, is_ball = _axes(model, branch, frame, start.frames, axis)
         coordinates += [(b, slides, *place) for slides, place in axes]
         sides = _sides(model, branch)
         row = {
@@ -219,7 +222,7 @@ def _alignment(joint: Joint) -> int:
 
 
 def _axes(
-    branch: Branch, frame: dict[str, int], start: FramesWorkspace, normal: int | None
+    model: Model, branch: Branch, frame: dict[str, int], start: FramesWorkspace, normal: int | None
 ) -> tuple[list[tuple[bool, tuple[int, Vector]]], bool]:
     """Return the axes of the joint, each with the frame in which it is fixed, and whether they are
     a ball's; in a planar subsystem those along which it moves.
@@ -230,7 +233,8 @@ def _axes(
         if normal is None:
             body = frame[branch.body]
             spin = R[body].T @ (start.W[body] - start.W[parent])
-            return [(False, (body, axis)) for axis in _axes_of_ball(spin)], True
+            own = next(other for other in model.bodies if other.name == branch.body)
+            return [(False, (body, a)) for a in _axes_of_ball(own, joint, spin)], True
         x, y, z = (float(number) for number in R[parent][normal])
         return [(False, (parent, (x, y, z)))], False
     found = [(axis.slides, _fixed(joint, frame, axis)) for axis in axes]
@@ -246,9 +250,22 @@ def _axes(
     return kept, False
 
 
-def _axes_of_ball(spin: np.ndarray) -> list[Vector]:
-    """Return three perpendicular axes, the last one along the ``spin``, if there is any."""
-    third = spin if np.any(spin) else np.array(IDENTITY[2])
+def _axes_of_ball(body: RigidBody, joint: Joint, spin: np.ndarray) -> list[Vector]:
+    """Return three perpendicular axes of the ``body``, the last one its principal axis at the joint
+    that is nearest to the ``spin``: about that it rotates far in a step, if about any. A body of
+    revolution has one axis alone that stays where it is as it spins.
+    """
+    point = joint.child_point if joint.child == body.name else joint.parent_point
+    arm = np.array(sub(point, body.r_BG))
+    J = np.array(body.inertia) + body.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    moments, axes = np.linalg.eigh(J)
+    low, high = np.diff(moments) <= EQUAL * moments[2]
+    if low and high:
+        third = spin if np.any(spin) else axes[:, 2]
+    elif low or high:
+        third = axes[:, 2 if low else 0]
+    else:
+        third = axes[:, int(np.argmax(np.abs(spin @ axes)))]
     third = third / np.linalg.norm(third)
     first = np.cross(IDENTITY[int(np.argmin(np.abs(third)))], third)
     first = first / np.linalg.norm(first)

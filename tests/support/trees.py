@@ -5,14 +5,24 @@ from dataclasses import replace
 import numpy as np
 
 from msahl.algebra.rotation import compose, matrix
+from msahl.expressions.syntax import parse
 from msahl.formulations.tree import recursion
 from msahl.jit.lanes import spread, store
 from msahl.joints.registry import KINDS
+from msahl.laws.registry import JOINT_LAWS
+from msahl.model import ConcentratedLoad, JointActuator, JointLoad, JointSpring, Law
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import tree_step
 from msahl.system import evaluate
-from tests.support.element_samples import joint_between, random_frame, random_vector
-from tests.support.models import GROUND, build_model, random_body
+from tests.support.element_samples import (
+    SPRING,
+    bushing,
+    joint_between,
+    random_frame,
+    sample_parameters,
+    spring,
+)
+from tests.support.models import GROUND, build_model, drag, random_body, random_vector
 
 TREE_KINDS = tuple(name for name, kind in KINDS.items() if kind.tree is not None)
 """Kinds of joints with joint coordinates."""
@@ -32,8 +42,36 @@ def random_tree(rng, kinds=TREE_KINDS, gravity=True, **others):
     return build_model(bodies, joints, gravity=down, **others)
 
 
+def loaded_tree(rng):
+    """A random tree of all kinds of joints with loads of many kinds: at points, between bodies, on
+    joint coordinates, by laws of time and by an expression.
+    """
+    model = random_tree(rng)
+    revolute, slide = (
+        next(joint.name for joint in model.joints if joint.kind == kind)
+        for kind in ("revolute", "prismatic")
+    )
+    loads = (
+        spring(rng, model, **SPRING, free_length=0.8, preload=0.5),
+        bushing(rng, model),
+        drag("D", "B1", random_vector(rng), 0.2),
+        *(
+            JointLoad(f"L{law.name}", law.name, revolute, "angle", sample_parameters(law, "angle"))
+            for law in JOINT_LAWS.values()
+            if law.name != "friction"
+        ),
+        JointSpring("T", slide, "slide", 40.0, 0.4, 0.3, 0.5),
+        JointActuator("A", slide, "slide", parse(f"2*{revolute}.angleRate - sin(3*t)")),
+        ConcentratedLoad(
+            *("C", "B0", random_vector(rng), random_vector(rng, 4.0), "B1"),
+            *(random_vector(rng), "B0", Law("sine", (1.0, 5.0, 0.3, 0.5))),
+        ),
+    )
+    return replace(model, loads=loads)
+
+
 class TreeSteps:
-    """A model by a gauss scheme, stepped in joint coordinates as plain Python."""
+    """A model by a gauss scheme, for single steps in joint coordinates."""
 
     def __init__(self, model, degree, full=False):
         simulation = replace(model.simulation, scheme="gauss", degree=degree)
@@ -44,10 +82,9 @@ class TreeSteps:
         self.workspace, self.stages = self.subsystem.workspace, self.subsystem.stages
         self.state, self.tree = self.workspace.state, self.subsystem.tree
 
-    def take(self, h):
-        """Take a step of size ``h``; return whether it converged in joint coordinates."""
-        given = self.tree, self.workspace, self.stages, self.subsystem.outcome, h
-        return tree_step.take_step(*given)
+    def arguments(self, h):
+        """Those of ``tree_step.take_step`` for a step of size ``h``."""
+        return self.tree, self.workspace, self.stages, self.subsystem.outcome, h
 
     def configuration(self):
         """The bodies' x, p, v, w in inertial axes."""
@@ -90,3 +127,39 @@ class TreeSteps:
         R = np.array([matrix(tuple(p)) for p in found[1][f]])
         L = np.einsum("bij,bjk,bk->bi", R, tree.inertia[1:], found[3][f])
         return tree.mass[1:, None] * found[2][f], L, R
+
+    def variations(self, at, size=1e-3):
+        """Derivatives of positions, momenta, orientations and angular momenta by the arguments of
+        ``at`` (2 n,) -> configuration, in rows, and the angular momenta at zero.
+
+        By differences of order 4, whose error is that of a fifth derivative times ``size``^4 and
+        round-off over ``size``: both about 1e-12 here.
+        """
+        n = 2 * self.tree.tree.body.size
+        _, L, R = self.momenta(at(np.zeros(n)))
+        rows = []
+        for k in range(n):
+            one = np.eye(n)[k] * size
+            near, far = ([self._numbers(at(c * one), R) for c in (m, -m)] for m in (1, 2))
+            rows.append((8 * (near[0] - near[1]) - (far[0] - far[1])) / (12 * size))
+        return np.array(rows), L
+
+    def _numbers(self, found, R):
+        """(4, bodies, 3) positions, momenta, rotations from ``R`` and angular momenta."""
+        P, L, now = self.momenta(found)
+        D = np.einsum("bij,bkj->bik", now, R)
+        rotation = 0.5 * np.stack(
+            [D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1
+        )
+        return np.array([found[0][self.tree.tree.frame[1:]], P, rotation, L])
+
+
+def symplectic_form(rows, L):
+    """(m, m) canonical form of the bodies on pairs of the variations ``rows`` (m, 4, bodies, 3), in
+    inertial axes; ``L`` are their angular momenta.
+
+        dx1 . dP2 - dx2 . dP1 + t1 . dL2 - t2 . dL1 - L . (t1 x t2)
+    """
+    x, P, t, dL = rows.transpose(1, 0, 2, 3)
+    half = np.einsum("ibk,jbk->ij", x, P) + np.einsum("ibk,jbk->ij", t, dL)
+    return half - half.T - np.einsum("bk,ijbk->ij", L, np.cross(t[:, None], t[None]))

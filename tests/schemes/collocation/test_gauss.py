@@ -167,8 +167,8 @@ def test_blocks_are_factored_as_the_complete_matrix():
 
 
 CLOSED = {
-    "single_pendulum_45": {1: 0.02, 2: 0.1, 3: 0.2, 4: 0.5, 5: 0.4},
-    "top_1": {1: 0.002, 2: 0.02, 3: 0.04, 4: 0.1, 5: 0.16},
+    "single_pendulum_45": {1: 0.02, 2: 0.1, 3: 0.2, 4: 0.4, 5: 0.4},
+    "top_1": {1: 0.002, 2: 0.02, 3: 0.04, 4: 0.05, 5: 0.16},
 }
 """Largest of two steps [s] by degree, between too coarse and round-off."""
 
