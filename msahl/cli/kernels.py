@@ -89,8 +89,8 @@ def _models() -> Iterator[Model]:
 
 def kind_of(model: Model) -> Description:
     """Return what the machine code of a model depends on: the types of the arrays of its system, of
-    its margins if it has events in steps of low or high order, and whether it has joint coordinates,
-    and loops in these.
+    its margins if it has events in steps of low or high order, and whether it has joint
+    coordinates, and loops in these.
     """
     system, span = build_system(model), Span(model.simulation.t_final)
     margins = (build_margins(system, order, span) for order in (2, 4))
