@@ -24,44 +24,44 @@ COSINE = tuple(1.0 / math.factorial(n) for n in (16, 14, 12, 10, 8, 6, 4, 2, 0))
 
 
 @kernel
-def vector_at(rows: np.ndarray, k: int) -> LaneVector:
+def vector_at(array: np.ndarray, k: int) -> LaneVector:
     """Rows ``k`` to ``k + 2`` of an array (n, LANES) as a vector."""
-    return (load(rows, k), load(rows, k + 1), load(rows, k + 2))
+    return (load(array, k), load(array, k + 1), load(array, k + 2))
 
 
 @kernel
-def put_vector(rows: np.ndarray, k: int, a: LaneVector) -> None:
-    """Store the vector ``a`` in rows ``k`` to ``k + 2``."""
-    store(rows, k, a[0])
-    store(rows, k + 1, a[1])
-    store(rows, k + 2, a[2])
+def put_vector(array: np.ndarray, k: int, a: LaneVector) -> None:
+    """Store the vector ``a`` in array ``k`` to ``k + 2``."""
+    store(array, k, a[0])
+    store(array, k + 1, a[1])
+    store(array, k + 2, a[2])
 
 
 @kernel
-def accumulate_vector(rows: np.ndarray, k: int, a: LaneVector) -> None:
-    """Add the vector ``a`` to rows ``k`` to ``k + 2``."""
-    put_vector(rows, k, sum_of(vector_at(rows, k), a))
+def accumulate_vector(array: np.ndarray, k: int, a: LaneVector) -> None:
+    """Add the vector ``a`` to array ``k`` to ``k + 2``."""
+    put_vector(array, k, sum_of(vector_at(array, k), a))
 
 
 @kernel
-def matrix_at(rows: np.ndarray, k: int) -> LaneMatrix:
+def matrix_at(array: np.ndarray, k: int) -> LaneMatrix:
     """Rows ``k`` to ``k + 8`` as a matrix."""
-    return (vector_at(rows, k), vector_at(rows, k + 3), vector_at(rows, k + 6))
+    return (vector_at(array, k), vector_at(array, k + 3), vector_at(array, k + 6))
 
 
 @kernel
-def quaternion_at(rows: np.ndarray, k: int) -> LaneQuaternion:
+def quaternion_at(array: np.ndarray, k: int) -> LaneQuaternion:
     """Rows ``k`` to ``k + 3`` as a quaternion."""
-    return (load(rows, k), load(rows, k + 1), load(rows, k + 2), load(rows, k + 3))
+    return (load(array, k), load(array, k + 1), load(array, k + 2), load(array, k + 3))
 
 
 @kernel
-def put_quaternion(rows: np.ndarray, k: int, e: LaneQuaternion) -> None:
-    """Store the quaternion ``e`` in rows ``k`` to ``k + 3``."""
-    store(rows, k, e[0])
-    store(rows, k + 1, e[1])
-    store(rows, k + 2, e[2])
-    store(rows, k + 3, e[3])
+def put_quaternion(array: np.ndarray, k: int, e: LaneQuaternion) -> None:
+    """Store the quaternion ``e`` in array ``k`` to ``k + 3``."""
+    store(array, k, e[0])
+    store(array, k + 1, e[1])
+    store(array, k + 2, e[2])
+    store(array, k + 3, e[3])
 
 
 @kernel

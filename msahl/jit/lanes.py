@@ -3,7 +3,7 @@
 A kernel that does the same for several cases, such as the stages of a step, holds their numbers in
 the lanes of one value. ``load`` takes them from a row of an array (n, LANES), ``store`` puts them
 there; arithmetic between lanes, and between lanes and numbers, is written as for floats. Uncompiled
-they are arrays of numpy; ``lanes_machine`` tells the compiler what they are.
+they are arrays of numpy; ``lanes_machine`` defines them for the compiler.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Tells numba what lanes are: a vector type of LLVM, with its arithmetic, loads and stores.
+"""Defines lanes for numba: a vector type of LLVM, with its arithmetic, loads and stores.
 
 Source: LLVM Language Reference, vector type; numba, Extending numba: low-level API.
 """

@@ -11,7 +11,7 @@ that there are few coordinates, few equations, and short paths. Joint coordinate
 start of each step, where no orientation is singular, so the choice needs no regard to positions.
 
 A mass matrix in joint coordinates takes work by the square of the number of coordinates between a
-body and the ground: long chains are quicker in absolute coordinates, whose work is proportional to
+body and the ground: long chains are faster in absolute coordinates, whose work is proportional to
 the number of bodies.
 """
 

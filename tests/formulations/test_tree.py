@@ -68,10 +68,10 @@ def test_both_formulations_have_the_same_motion(seed):
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_motion_and_reactions_have_the_order_of_the_scheme(degree):
     model = random_tree(np.random.default_rng(3), SWINGING)
-    exact = simulate(model, scheme="gauss4", dt=0.0025, t_final=0.4, output_interval=0.4)
+    exact = simulate(model, scheme="gauss4", dt=0.0025, t_final=0.4)
     errors = []
     for dt in (0.04, 0.02):
-        found = simulate(model, scheme=f"gauss{degree}", dt=dt, t_final=0.4, output_interval=0.4)
+        found = simulate(model, scheme=f"gauss{degree}", dt=dt, t_final=0.4)
         assert found.report.tree_subsystems == 1
         pairs = ((found.states, exact.states), (found.reactions, exact.reactions))
         errors.append([np.abs(a[-1] - b[-1]).max() for a, b in pairs])
@@ -87,7 +87,7 @@ def test_the_energy_of_many_periods_does_not_drift():
     rng = np.random.default_rng(1)
     model = random_tree(rng, ("spherical", "spherical"))
     run = simulate(model, scheme="gauss1", dt=0.02, t_final=400.0)
-    assert run.report.tree_subsystems == 1
+    assert run.report.tree_subsystems == run.report.subsystems
     m = np.array([body.mass for body in model.bodies])
     J = np.array([body.inertia for body in model.bodies])
     numbers = run.states[:, 1:].reshape(len(run.states), len(m), 12)
@@ -125,7 +125,7 @@ def test_stiff_steps_are_left_to_absolute_coordinates():
     ("name", "words"),
     [
         ("double_pendulum_89", "2 joint coordinates"),
-        ("four_bar", "form a loop"),
+        ("bricard", "form a loop"),
         ("gear", "couplings are constraints"),
         ("friction_hinge", "friction depends on reactions"),
         ("torque_free", "free of the ground"),

@@ -12,7 +12,7 @@ from msahl.joints.registry import KINDS
 from msahl.laws.registry import JOINT_LAWS
 from msahl.model import ConcentratedLoad, JointActuator, JointLoad, JointSpring, Law
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.collocation import tree_step
+from msahl.schemes.collocation import newton, tree_step
 from msahl.system import evaluate
 from tests.support.element_samples import (
     SPRING,
@@ -53,7 +53,7 @@ def loaded_tree(rng):
     )
     loads = (
         spring(rng, model, **SPRING, free_length=0.8, preload=0.5),
-        bushing(rng, model),
+        replace(bushing(rng, model), name="Bush"),
         drag("D", "B1", random_vector(rng), 0.2),
         *(
             JointLoad(f"L{law.name}", law.name, revolute, "angle", sample_parameters(law, "angle"))
@@ -97,7 +97,7 @@ class TreeSteps:
         ):
             array[:] = values
         evaluate.prepare(self.workspace.system, self.state, self.workspace.start)
-        self.tree.figures[:] = tree_step.FRESH
+        newton.reset_prediction(self.subsystem)
 
     def moved(self, change):
         """The configuration after a ``change`` (2 n,) of coordinates and their rates."""

@@ -112,6 +112,7 @@ def new_collocation_workspace(
 def reset_prediction(subsystem: CollocationWorkspace) -> None:
     """Predict the next step from the accelerations at its start, without earlier steps."""
     subsystem.stages.last_step[1] = 0.0
+    tree_step.forget(subsystem.tree)
 
 
 @kernel

@@ -20,7 +20,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.tree_step import FRESH, ITERATIONS, STEPS, TreeStages
+from msahl.schemes.collocation.tree_step import ITERATIONS, STEPS, TreeStages
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
@@ -122,15 +122,12 @@ class CollocationMethod:
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
-        if self.subsystem.tree is not None:
-            # A resumed run has the memory of the present degree alone.
-            self.subsystem.tree.figures[:] = FRESH
         newton.reset_prediction(self.subsystem)
 
     @property
     def work(self) -> float:
-        """Work of all steps since the degree was set, but for a constant, in iterations of degree 1
-        in absolute coordinates.
+        """Work of the steps of this degree, but for a constant, in iterations of degree 1, absolute
+        coordinates.
         """
         iterations, factorisations = self.workspace.counts.tolist()
         if self.subsystem.tree is None:
