@@ -1,6 +1,6 @@
 """The constraint equations that close the loops of a tree: of cut joints, couplings and motions.
 
-They are those of the system (``elements.constraints``), in groups that hold nothing else. A
+They are those of the system (``elements.constraints``), in groups of their own. A
 multiplier's force acts as wrenches on up to four bodies of the tree, its *pieces*: those of the
 frames A and B of either coordinate. An equation depends on the coordinates between the ground and
 these bodies, its *entries*, but for those that all of its bodies lie beyond: there it sees a rigid

@@ -1,6 +1,6 @@
 """Closes the loops of a step in joint coordinates: cut equations with their multipliers.
 
-Constraints hold at the Lobatto nodes t_k of the step, as in absolute coordinates (``tableau``), and
+Constraints are imposed at the Lobatto nodes t_k of the step, as in absolute coordinates (``tableau``), and
 their multipliers act there. With the rates u_j at the Gauss nodes c_i,
 
     qt_k = h sum_j ab_kj u_j ,    g(qt_k) = 0    k = 1..s
@@ -102,7 +102,7 @@ class LoopStages(NamedTuple):
     matrix: np.ndarray  # (s m, s m) T, then its factors
     pivot: np.ndarray  # (s m,)
     right: np.ndarray  # (s m,) right-hand side
-    left: np.ndarray  # (1,) largest violation of equations left out, after the last correction [m]
+    left: np.ndarray  # (1,) largest violation of dependent equations, after the last correction [m]
     end_matrix: np.ndarray  # (m, m) G M^-1 G^T at one configuration
     end_pivot: np.ndarray  # (m,)
     end_right: np.ndarray  # (m,)
@@ -238,8 +238,8 @@ def _enter_node(
         b, f = cut.body[c], cut.frame[c]
         put(loops.x, f, add(_vector(motion.place, 3 * b, i), origin))
         D = motion.rotation
-        turned = (_vector(D, 9 * b, i), _vector(D, 9 * b + 3, i), _vector(D, 9 * b + 6, i))
-        put_matrix(loops.R, f, product(turned, matrix_at(R, f)))
+        rotation = (_vector(D, 9 * b, i), _vector(D, 9 * b + 3, i), _vector(D, 9 * b + 6, i))
+        put_matrix(loops.R, f, product(rotation, matrix_at(R, f)))
         half = scale(2.0 / motion.quaternion[4 * b, i], _vector(motion.quaternion, 4 * b + 1, i))
         put_rotation(frames, stages.increments, f, half)
         put(stages.increments, displacement_node(frames, f), _vector(loops.displacement, 3 * b, i))
@@ -585,7 +585,7 @@ def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> None
 
 @optional(True)
 def holds(loops: LoopStages, tree: Tree) -> bool:
-    """Whether the equations that were left out hold after the last correction, to round-off."""
+    """Whether the dependent equations are satisfied after the last correction, to round-off."""
     size = 0.0
     for k in range(tree.length.size):
         size = max(size, tree.length[k])
@@ -612,7 +612,7 @@ def _set_needed(loops: LoopStages, motion: TreeMotion, h: float) -> None:
 
 @kernel
 def _largest_left(loops: LoopStages, motion: TreeMotion, h: float) -> float:
-    """Return the largest violation after the rates are corrected, of equations left out."""
+    """Return the largest violation of dependent equations after the rates are corrected."""
     largest = 0.0
     for k in range(motion.rate.size):
         store(loops.rest, k, load(motion.y, k))
