@@ -432,8 +432,23 @@ def magnitudes(
 
     Not compiled: it is asked once in a run.
     """
+    return _propagate(tape, values, of_inputs, np.abs(values.value), anywhere)
+
+
+def errors(tape: Tape, values: Values, of_inputs: np.ndarray) -> np.ndarray:
+    """Errors of all values after ``sweep`` that follow from those ``of_inputs`` (inputs,), to first
+    order. Not compiled, as ``magnitudes``.
+    """
+    return _propagate(tape, values, of_inputs, np.zeros_like(values.value), False)
+
+
+def _propagate(
+    tape: Tape, values: Values, of_inputs: np.ndarray, size: np.ndarray, anywhere: bool
+) -> np.ndarray:
+    """Let ``size`` be the larger of what it is and of what follows from the inputs by the slopes of
+    the operations; return it.
+    """
     value, first = values.value, tape.constant.size + tape.inputs
-    size = np.abs(value)
     size[tape.constant.size : first] = np.maximum(size[tape.constant.size : first], of_inputs)
     for i, (op, a, b) in enumerate(zip(tape.op, tape.a, tape.b, strict=True)):
         x, y, result = value[a], value[b], value[first + i]

@@ -54,7 +54,7 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.unseen_errors import unseen_motion
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.names import reaction_columns
-from msahl.system.signal_terms import Scales
+from msahl.system.signal_terms import Scales, Sizes
 
 ROUND_OFF = 4.0 * float_info.epsilon
 """Smallest relative error of the largest coordinate that an estimate may have."""
@@ -275,7 +275,22 @@ class ErrorEstimate:
     ) -> None:
         """Compare the errors of signals with their sizes, at the end of the run."""
         if self.signals.names:
-            self.signals.compare_sizes(integrators, scales, asked)
+            self.signals.compare_sizes(integrators, scales, asked, self._of_motion())
+
+    def _of_motion(self) -> Sizes:
+        """Largest errors of positions and velocities, of points and of coordinates, and those of
+        reactions, if they are known.
+        """
+        largest, lengths = self.largest, np.concatenate(self.lengths)
+        reactions = [largest[name] for name in REACTION_FIGURES]
+        return Sizes(
+            position=largest["position"] + largest["orientation"],
+            angle=largest["orientation"] / float(lengths.min()),
+            velocity=largest["velocity"] + float(lengths.max()) * largest["angularVelocity"],
+            spin=largest["angularVelocity"],
+            reaction=max(reactions) if self.compares_reactions else np.inf,
+            time=0.0,
+        )
 
     def as_earlier_run(self) -> EarlierRun:
         """The companion's rows of the complete run, which were kept."""

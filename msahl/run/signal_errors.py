@@ -3,7 +3,11 @@
 Each is compared with its own size, the largest value that it has in the run. A value that is zero
 but for noise has no size. So no error counts that is within ``NOISE`` of what the terms of the
 expression would be if lengths, angles and rates had the size that they have in the model, nor one
-of a value that is smaller than any quantity (``NOTHING``).
+of a value that is smaller than any quantity (``NOTHING``). Nor does it where a value is not above
+``UNKNOWN`` errors of its own and those follow from the errors of the positions and velocities in it
+by the derivatives of the expression, as in a model at rest, where velocities are nothing but
+errors: these are judged by themselves. Only small errors follow so, up to ``ZERO`` of the terms and
+what the accuracy asked for allows: a motion that is wrong altogether is no rest.
 """
 
 from collections.abc import Sequence
@@ -11,18 +15,22 @@ from typing import Any
 
 import numpy as np
 
+from msahl.elements.signals.group import Signals
 from msahl.model import Model, SignalState
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.names import signal_columns
-from msahl.system.signal_terms import Scales, state_terms, tape_terms
+from msahl.system.signal_terms import Scales, Sizes, motion_errors, state_terms, tape_terms
 
 NOISE = 1e-9
 """Relative error of an expression's terms that may be noise: rates by differences over 1e-6 of the
 run lose six digits of sixteen."""
-ZERO, PER_TOLERANCE = 3e-4, 10.0
-"""Relative error of an expression's terms, and its ratio to the relative error asked for, up to
-which a value that is not above ``UNKNOWN`` errors of its own is zero: its terms cancel. Rates, in a
-model at rest, have errors of 1e-4 at loose tolerances, and ten times those of positions."""
+ZERO, PER_TOLERANCE, AT_REST = 3e-4, 10.0, 1e-6
+"""Relative error of an expression's terms that may be zero: the largest at all; its ratio to the
+relative error asked for, as rates have larger errors than positions; and the one that rates at rest
+may have at any accuracy, where steps are as long as the run and time constants far shorter."""
+EXPLAINED = 3.0
+"""Ratio up to which an error follows from those of the motion: a coordinate is between two bodies,
+and the derivatives are those at the end of the run."""
 UNKNOWN = 3.0
 NOTHING = 1e-50
 """Size in SI units of a value that is zero, as after a long decay: times, lengths and masses of
@@ -75,18 +83,25 @@ class SignalErrors:
         return errors
 
     def compare_sizes(
-        self, integrators: Sequence[SubsystemIntegrator], scales: Scales, asked: float
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        scales: Scales,
+        asked: float,
+        of_motion: Sizes,
     ) -> None:
         """Set ``share``, the lasting errors over the size of each column; 0 where it is noise. The
-        user ``asked`` for this error relative to the longest body.
+        user ``asked`` for this error relative to the longest body; the errors ``of_motion`` are the
+        largest of the run.
         """
-        terms = np.zeros(len(self.names))
+        terms, follows = np.zeros((2, len(self.names)))
         for places, integrator in zip(self.places, integrators, strict=True):
             if places and integrator.workspace.system.forces.signals is not None:
                 terms[places] = _terms(integrator, scales)
+                follows[places] = _follows(integrator, of_motion, self.size[places])
+        zero = max(AT_REST, min(ZERO, PER_TOLERANCE * asked))
         cancels = self.size <= UNKNOWN * self.lasting
-        zero = max(NOISE, min(ZERO, PER_TOLERANCE * asked))
-        counts = (self.lasting > np.where(cancels, zero, NOISE) * terms) & (self.size > NOTHING)
+        nothing = np.where(cancels, np.minimum(zero * terms, EXPLAINED * follows), 0.0)
+        counts = (self.lasting > np.maximum(nothing, NOISE * terms)) & (self.size > NOTHING)
         self.share = np.divide(self.lasting, self.size, out=np.zeros_like(terms), where=counts)
 
     def over_limits(self, relative: float) -> float:
@@ -140,13 +155,37 @@ def _terms(integrator: SubsystemIntegrator, scales: Scales) -> np.ndarray:
     assert group is not None, "a subsystem with signals"
     terms = tape_terms(system, start, np.abs(state.auxiliary), scales)
     over_run = state_terms(system, start, state, terms)
-    shown = tape_terms(system, start, over_run, scales)[group.shown]
-    names = signal_columns(integrator.model)[1:]
-    # A power has the terms of its load, which comes before it.
-    states = dict(zip(_states(integrator.model), over_run, strict=True))
-    shown = np.maximum(shown, [states.get(name, 0.0) for name in names[: shown.size]])
-    power = [shown[names.index(f"{name[:-5]}load")] for name in names[shown.size :]]
-    return np.append(shown, scales.speed * np.array(power))
+    shown = _shown(integrator.model, tape_terms(system, start, over_run, scales), over_run, group)
+    return np.append(shown, scales.speed * shown[_loads(integrator.model, shown.size)])
+
+
+def _follows(integrator: SubsystemIntegrator, of_motion: Sizes, largest: np.ndarray) -> np.ndarray:
+    """(columns,) errors of the expressions of a subsystem, of which the ``largest`` values are
+    known, that follow from the errors ``of_motion``.
+    """
+    workspace, rate = integrator.workspace, max(of_motion.velocity, of_motion.spin)
+    group = workspace.system.forces.signals
+    assert group is not None, "a subsystem with signals"
+    values, states = motion_errors(workspace.system, workspace.start, workspace.state, of_motion)
+    shown = _shown(integrator.model, values, states, group)
+    loads = _loads(integrator.model, shown.size)
+    return np.append(shown, (largest[loads] + shown[loads]) * rate)
+
+
+def _shown(model: Model, values: np.ndarray, states: np.ndarray, group: Signals) -> np.ndarray:
+    """(columns but powers,) what is known of the ``values`` of the tape and of the ``states``, by
+    the columns that show them.
+    """
+    shown = values[group.shown]
+    by_name = dict(zip(_states(model), states, strict=True))
+    names = signal_columns(model)[1 : 1 + shown.size]
+    return np.maximum(shown, [by_name.get(name, 0.0) for name in names])
+
+
+def _loads(model: Model, first: int) -> list[int]:
+    """Columns of the loads whose powers are the columns from the ``first`` on."""
+    names = signal_columns(model)[1:]
+    return [names.index(f"{name[:-5]}load") for name in names[first:]]
 
 
 def _states(model: Model) -> list[str]:

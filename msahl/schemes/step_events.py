@@ -282,7 +282,7 @@ def find_event(detector: Detector, first: int) -> bool:
         return False
     level = COARSE
     if fit(detector.instant, output) > 0.0:
-        level = output.nodes.shape[0] - 1
+        level = output.level[0]
     for k in range(detector.low.size):
         detector.value[last, k] = detector.ends[first + 1, k]
     for i in range(1, last):

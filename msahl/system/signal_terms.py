@@ -1,4 +1,6 @@
-"""Sizes of the terms that expressions of a system add up; rounding errors are relative to these."""
+"""Sizes of the terms that expressions of a system add up; rounding errors are relative to these.
+And errors of expressions that follow from those of the motion.
+"""
 
 from typing import Any, NamedTuple
 
@@ -6,12 +8,15 @@ import numpy as np
 
 from msahl.elements.constraints.coordinate_kinds import ANGLE
 from msahl.elements.signals import group as kinds
-from msahl.expressions.tape import magnitudes
+from msahl.expressions.tape import errors, magnitudes
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
 
 LARGE = 1e60
 """Size of states in which their slopes are all that counts of a rate's terms."""
+
+LONGEST_CHAIN = 8
+"""States of which each is the rate of the next, through which errors of the motion are followed."""
 
 
 class Scales(NamedTuple):
@@ -21,6 +26,17 @@ class Scales(NamedTuple):
     speed: float  # [m/s]
     energy: float  # [J]
     time: float = 0.0  # [s] of a run; 0: tables have the slopes that they have now
+
+
+class Sizes(NamedTuple):
+    """Sizes of the inputs of expressions, or their errors, by kind."""
+
+    position: float  # [m]
+    angle: float  # [rad]
+    velocity: float  # [m/s]
+    spin: float  # [rad/s]
+    reaction: float  # [N] or [N m]
+    time: float  # [s]
 
 
 def tape_terms(
@@ -33,7 +49,7 @@ def tape_terms(
     assert group is not None, "a system with signals"
     with np.errstate(all="ignore"):
         forces.set_expressions(group, start.forces, system.scalar)
-        given = np.append(_inputs(group, system.scalar, scales), states)
+        given = np.append(_inputs(group, system.scalar, _sizes(scales)), states)
         return magnitudes(group.tape, start.forces.signals.values, given, scales.time > 0.0)
 
 
@@ -49,6 +65,25 @@ def state_terms(
     with np.errstate(all="ignore"):
         slopes = magnitudes(group.tape, start.forces.signals.values, given)[group.rate] / LARGE
         return terms[group.rate] * np.minimum(float(state.time[0]), 1.0 / slopes)
+
+
+def motion_errors(
+    system: System, start: SystemWorkspace, state: State, sizes: Sizes
+) -> tuple[np.ndarray, np.ndarray]:
+    """(values,) errors of all values of a system's tape, and (states,) of the auxiliary states,
+    that follow from those of the motion, which have these ``sizes``: those of rates over the run up
+    to ``state`` or over the state's time constant, if that is shorter.
+    """
+    group = system.forces.signals
+    assert group is not None, "a system with signals"
+    of_states = np.zeros(group.rate.size)
+    with np.errstate(all="ignore"):
+        forces.set_expressions(group, start.forces, system.scalar)
+        inputs = _inputs(group, system.scalar, sizes)
+        for _ in range(min(of_states.size, LONGEST_CHAIN) + 1):
+            found = errors(group.tape, start.forces.signals.values, np.append(inputs, of_states))
+            of_states = state_terms(system, start, state, found)
+    return found, of_states
 
 
 def rate_terms(system: System, start: SystemWorkspace, state: State, t_final: float) -> np.ndarray:
@@ -69,22 +104,31 @@ def rate_terms(system: System, start: SystemWorkspace, state: State, t_final: fl
     return np.stack([slow, t_final * (fast - slow)])
 
 
-def _inputs(group: kinds.Signals, scalar: Any, scales: Scales) -> np.ndarray:
-    """(y,) sizes of the inputs by the ``scales``."""
+def _sizes(scales: Scales) -> Sizes:
+    """Sizes of the inputs by the ``scales``."""
     per_second = scales.speed / scales.length
+    reaction = scales.energy / min(scales.length, 1.0)
+    return Sizes(scales.length, 1.0, scales.speed, per_second, reaction, scales.time)
+
+
+def _inputs(group: kinds.Signals, scalar: Any, sizes: Sizes) -> np.ndarray:
+    """(y,) ``sizes`` of the inputs."""
     by_kind = {
-        kinds.POSITION: scales.length,
-        kinds.VELOCITY: scales.speed,
-        kinds.SPIN: per_second,
-        kinds.QUATERNION: 1.0,
-        kinds.REACTION: scales.energy / min(scales.length, 1.0),
-        kinds.TIME: scales.time,
+        kinds.POSITION: sizes.position,
+        kinds.VELOCITY: sizes.velocity,
+        kinds.SPIN: sizes.spin,
+        kinds.QUATERNION: sizes.angle,
+        kinds.REACTION: sizes.reaction,
+        kinds.TIME: sizes.time,
     }
-    sizes = []
+    given = []
     for kind, item in zip(group.kind, group.item, strict=True):
         size = by_kind.get(int(kind))
         if size is None:
-            length = 1.0 if scalar.coordinates.kind[item] == ANGLE else scales.length
-            size = length * (per_second if kind == kinds.RATE else 1.0)
-        sizes.append(size)
-    return np.array(sizes)
+            turns, rate = scalar.coordinates.kind[item] == ANGLE, kind == kinds.RATE
+            of_angle, of_length = (
+                (sizes.spin, sizes.velocity) if rate else (sizes.angle, sizes.position)
+            )
+            size = of_angle if turns else of_length
+        given.append(size)
+    return np.array(given)

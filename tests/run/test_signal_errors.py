@@ -10,7 +10,7 @@ from msahl.elements.signals.group import MIDPOINT, new_stages
 from msahl.expressions.syntax import parse
 from msahl.jit.storage import arrays_in
 from msahl.model import Joint, JointActuator, Limits, Signal, SignalState
-from msahl.run.signal_errors import LISTED, STATE, with_largest
+from msahl.run.signal_errors import LISTED, SIGNAL, STATE, with_largest
 from msahl.run.tables import error_columns
 from msahl.run.verdict import PASS, WARN, judge
 from msahl.system.build import build_system
@@ -159,6 +159,22 @@ def test_terms_that_cancel_are_zero_by_the_accuracy_asked_for():
     lag = SignalState("z", parse("(Rail.slideRate - z)/0.1"), 1.0)
     run = by_tolerance(on_a_rail((lag,), "0.5*(z - Rail.slideRate)"), 1e-3, 3.0)
     assert checks(run)["signals"] == PASS
+
+
+@pytest.mark.parametrize(("share", "word"), [(1.0, PASS), (1e-4, WARN)])
+def test_a_small_value_is_wrong_if_the_motion_does_not_explain_its_error(share, word):
+    """What is left of terms of 1 m that cancel is a ten thousandth of an oscillation by steps that
+    do not resolve it: the motion is exact to round-off, so no error of it is that value. Or it is
+    the oscillation's part in a lag, which is as small, and is right.
+    """
+    states = (SignalState("a", parse("100*b"), 1.0), SignalState("b", parse("-100*a")))
+    lag = SignalState("z", parse("1e-4 - z"), 1e-4)
+    left = Signal("left", parse("Rail.slide - t + 1e-4*a" if share < 1.0 else "Rail.slide - t + z"))
+    run = simulate(on_a_rail(states if share < 1.0 else (lag,), shown=(left,)), 0.1, 2.0, "gauss1")
+    column = run.report.error["signals"]["left"]
+    assert column["largest"] == pytest.approx(1e-4, rel=0.2)
+    assert (column["share"] > SIGNAL) == (word == WARN)
+    assert checks(run)["signals"] == word
 
 
 def test_a_state_that_misses_a_tolerance_says_relative_to_what():

@@ -5,7 +5,10 @@ output times within a step get other polynomials, fitted to what is known at the
 velocity and, from the index-1 problem (``accelerations``), acceleration. The one of degree 5 has an
 error of h^6 in positions and h^5 in velocities. Accelerations at 2 l times within the step, taken
 at its positions, are added to the conditions and give a polynomial of degree 5 + 2 l with errors of
-h^(6 + 2 l) and h^(5 + 2 l), and so on from level l to l + 1.
+h^(6 + 2 l) and h^(5 + 2 l), and so on from level l to l + 1. Each level multiplies what is wrong
+with the one before, its round-off at least, by about (h/T)^2, T the shortest period or time
+constant of the model: where steps are much longer than that, accelerations differ more from those
+of the polynomial from level to level, and the last level at which they do not is used.
 
 Displacements and rotations are from the start of the step; rotations are expressed by the
 parameters of ``local_rotation``. The interpolated positions and velocities are projected onto the
@@ -15,6 +18,7 @@ of the step and the output time. Auxiliary states are integrated from the start 
 time, by one Radau step along the interpolated motion.
 """
 
+import math
 from functools import cache
 from typing import NamedTuple
 
@@ -29,6 +33,7 @@ from msahl.algebra.vector import (
     at,
     axpy,
     copy,
+    dot,
     put,
     scale,
     sub,
@@ -61,6 +66,9 @@ ENDS = 6
 """Conditions at the ends of a step: position, velocity and acceleration at both."""
 COARSE = -1
 """Level without accelerations, for which ``fit_ends`` is enough: cubic polynomials."""
+DIVERGES, BLUR = 4.0, 1e-13
+"""Growth from level to level of the difference of accelerations above which a level is not used,
+and the difference, over the size of the model, below which it is round-off that does no harm."""
 PROJECTIONS = 2
 """Projections of interpolated positions onto the constraints; convergence is quadratic."""
 INWARDS, ROUND_OFF = 1e-12, 2e-15
@@ -96,6 +104,7 @@ class DenseOutput(NamedTuple):
     )  # (2 l or 2, 2 (n+1), 3) second rates at times within, before they are entered
     basis: np.ndarray  # (l + 2, c, c) by level, coefficients of each condition's polynomial
     nodes: np.ndarray  # (l + 1, 2 l) by level, times of accelerations as fractions of the step
+    level: np.ndarray  # (1,) of the fitted polynomials
     value: np.ndarray  # (c,) basis polynomials at the output time, and their rates
     rate: np.ndarray  # (c,)
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature; of systems with states
@@ -132,6 +141,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         inner=np.zeros((max(2 * most, 2), of_frames, 3)),
         basis=basis,
         nodes=nodes,
+        level=np.full(1, COARSE),
         value=np.zeros(conditions),
         rate=np.zeros(conditions),
         gauss=gauss,
@@ -259,27 +269,78 @@ def fit_ends(output: DenseOutput) -> None:
 
 @unit
 def fit(output: DenseOutput, instant: Instant) -> None:
-    """Fit the polynomials between ``begin`` and ``end``."""
-    begin, end, curve = output.begin, output.end, output.curve
+    """Fit the polynomials between ``begin`` and ``end``, of the highest level that is of use."""
     signal_group = output.workspace.system.forces.signals
-    h = end.time[0] - begin.time[0]
+    h, before = output.end.time[0] - output.begin.time[0], 0.0
     fit_ends(output)
+    output.level[0] = COARSE
     for level in range(output.nodes.shape[0]):
         count = 2 if level == 0 else 2 * level
         for m in range(count):
             if level == 0:
-                _set_to_end(output, begin if m == 0 else end)
+                _set_to_end(output, output.begin if m == 0 else output.end)
             else:
                 set_auxiliary(signal_group, output, level - 1, h, output.nodes[level, m])
                 set_basis_weights(output, level - 1, output.nodes[level, m])
                 interpolate(output, h, output.nodes[level, m])
             save_accelerations(output, instant, h, m)
-        for m in range(count):
-            entry = ENDS + m
-            if level == 0:
-                entry = 2 + 3 * m
-            for node in range(curve.shape[1]):
-                put(curve[entry], node, at(output.inner[m], node))
+        off, second = _largest_defect(output, level, count)
+        if off > DIVERGES * (second if level == 0 else before) and off > BLUR * _size(output):
+            return
+        _enter_accelerations(output, level, count)
+        before = off
+
+
+@kernel
+def _largest_defect(output: DenseOutput, level: int, count: int) -> tuple[float, float]:
+    """Largest difference between the ``inner`` accelerations and those of the polynomials of the
+    level before, and the largest of these [m]; of rotations times the length of their frame.
+    """
+    curve, frames = output.curve, output.workspace.system.frames
+    off, largest = 0.0, 0.0
+    for m in range(count):
+        _set_second_weights(output, level - 1, float(m) if level == 0 else output.nodes[level, m])
+        for b in range(moving_count(frames)):
+            for turns in range(2):
+                node, lever = displacement_node(frames, b), 1.0
+                if turns:
+                    node, lever = rotation_node(frames, b), frames.length[b]
+                second = scale(lever, _sum(curve, output.value, node))
+                other = sub(scale(lever, at(output.inner[m], node)), second)
+                off = max(off, math.sqrt(dot(other, other)))
+                largest = max(largest, math.sqrt(dot(second, second)))
+    return off, largest
+
+
+@kernel
+def _set_second_weights(output: DenseOutput, level: int, tau: float) -> None:
+    """Set the values of the basis polynomials to their second rates at the fraction ``tau``."""
+    count, x = ENDS + 2 * max(level, 0), 2.0 * tau - 1.0
+    for i in range(output.value.size):
+        second = 0.0
+        if i < count:
+            for k in range(count - 1, 1, -1):
+                second = second * x + 4.0 * k * (k - 1) * output.basis[level, i, k]
+        output.value[i] = second
+
+
+@kernel
+def _size(output: DenseOutput) -> float:
+    """Size of the model [m]: its largest coordinate at the start of the step and longest frame."""
+    frames, x, size = output.workspace.system.frames, output.begin.x, 0.0
+    for b in range(moving_count(frames)):
+        size = max(size, frames.length[b] + math.sqrt(dot(at(x, b), at(x, b))))
+    return size
+
+
+@kernel
+def _enter_accelerations(output: DenseOutput, level: int, count: int) -> None:
+    """Make the ``inner`` accelerations conditions on the polynomials, now of this ``level``."""
+    for m in range(count):
+        entry = 2 + 3 * m if level == 0 else ENDS + m
+        for node in range(output.curve.shape[1]):
+            put(output.curve[entry], node, at(output.inner[m], node))
+    output.level[0] = level
 
 
 @kernel
@@ -402,7 +463,7 @@ def save_accelerations(output: DenseOutput, instant: Instant, h: float, m: int) 
 def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> None:
     """Write the state at the fraction ``tau`` of the fitted step into a ``row`` of the tables."""
     workspace, begin, end = output.workspace, output.begin, output.end
-    h, last = end.time[0] - begin.time[0], output.nodes.shape[0] - 1
+    h, last = end.time[0] - begin.time[0], output.level[0]
     for w in range(begin.work.size):
         workspace.state.work[w] = begin.work[w]
     group, own = workspace.system.forces.signals, workspace.start.forces.signals

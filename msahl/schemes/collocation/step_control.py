@@ -543,7 +543,7 @@ def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float)
     output = subsystem.dense_output
     dense_output.save_end(output.end, subsystem.workspace)
     dense_output.fit(output, subsystem.instant)
-    dense_output.set_basis_weights(output, output.nodes.shape[0] - 1, 0.5)
+    dense_output.set_basis_weights(output, output.level[0], 0.5)
     dense_output.interpolate(output, h, 0.5)
     copy(output.workspace.state.x, control.x)
     copy(output.workspace.state.p, control.p)
