@@ -1,7 +1,7 @@
 """Closes the loops of a step in joint coordinates: cut equations with their multipliers.
 
-Constraints are imposed at the Lobatto nodes t_k of the step, as in absolute coordinates (``tableau``), and
-their multipliers act there. With the rates u_j at the Gauss nodes c_i,
+Constraints are imposed at the Lobatto nodes t_k of the step, as in absolute coordinates
+(``tableau``), and their multipliers act there. With the rates u_j at the Gauss nodes c_i,
 
     qt_k = h sum_j ab_kj u_j ,    g(qt_k) = 0    k = 1..s
     p_i  = p0 + h sum_j a_ij dp/dt_j + (1/h) sum_l at_il G_l^T y_l ,    at_il = B_l (1 - ab_li/b_i)
