@@ -7,12 +7,11 @@ these bodies, its *entries*, but for those that all of its bodies lie beyond: th
 motion.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
-from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.formulations.tree.table import Tree
@@ -151,11 +150,12 @@ def _path(tree: Tree, b: int) -> set[int]:
 def new_cut_workspace(cut: Cut, nodes: int) -> CutWorkspace:
     """Return the workspace of one configuration of a system of so many ``nodes``."""
     k = cut.coincide.a.size
-    coordinates: CoordinatesWorkspace | None = None
-    if cut.scalar is not None:
-        coordinates = new_coordinates_workspace(cut.scalar.coordinates, nodes)
+    scalar: Any = cut.scalar and ScalarWorkspace(
+        coordinates=new_coordinates_workspace(cut.scalar.coordinates, nodes),
+        rate=np.zeros(cut.angle.size),
+    )
     return CutWorkspace(
         coincide=CoincideWorkspace(*np.zeros((3, k, 3))),
-        scalar=coordinates and ScalarWorkspace(coordinates, np.zeros(cut.angle.size)),
+        scalar=scalar,
         angle=np.zeros(cut.angle.size),
     )
