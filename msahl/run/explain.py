@@ -184,7 +184,7 @@ def _formulation(integrator: SubsystemIntegrator) -> str:
     if cut is None:
         return f"{solved}, without constraint equations: the joints form an open tree on the ground"
     equations = _count(cut.scale.size, "constraint equation")
-    return f"{solved} with {equations} that close its tree of joints: of {listed(closing)}"
+    return f"{solved} with {equations}, those of what is not in the tree: {listed(closing)}"
 
 
 def _members(subsystem: Model) -> str:
