@@ -78,8 +78,9 @@ all steps. With 1e-14 the energy of a pendulum drifts by 3e-15 of itself in a st
 WORK_TARGET = 1e-12
 """Largest last correction where loads do work, which is evaluated before it: work changes with the
 velocities themselves, momenta with the time step times these."""
-MAX_ITERATIONS = 14
-"""Iterations after which a step is left to Newton's method, which takes three to five."""
+MAX_ITERATIONS = 18
+"""Iterations after which a step is left to Newton's method, which takes two to five that take five
+times as long or more."""
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
 CAUTION, FORGETTING = 4.0, 1.2
