@@ -1,12 +1,20 @@
-"""What msahl depends on; all else about the package is in pyproject.toml.
+"""What msahl depends on, and its machine code; all else about the package is in pyproject.toml.
 
-``make wheel`` puts the machine code of all kernels into the package. A wheel with machine code is
-for one platform and needs no compiler; every other installation compiles, so it needs numba.
+``make wheel`` puts the machine code of all kernels into the package. Such a wheel is for one
+platform and needs no compiler. Every other installation needs numba and compiles what a run needs
+when it needs it, or at once, for this machine: ``MSAHL_COMPILE=all pip install ...``. Instead of
+all, the variable may name decks (separated as in PATH), whose kernels are compiled.
 """
 
+import os
+import platform
+import subprocess
+import sys
+import sysconfig
 from pathlib import Path
 
 from setuptools import setup
+from setuptools.command.build_py import build_py
 
 ALWAYS = [
     "click>=8.1",
@@ -21,9 +29,37 @@ ALWAYS = [
     "xmlschema>=4.0",
 ]
 COMPILER = "numba>=0.66,<0.69"  # msahl/jit/machine_code.py extends its insides
-PLATFORM = {"bdist_wheel": {"plat_name": "manylinux_2_17_x86_64"}}
+HAS_KERNELS = Path("msahl/kernels").is_dir()
+COMPILED = os.environ.get("MSAHL_COMPILE", "")
 
-if Path("msahl/kernels").is_dir():
-    setup(install_requires=ALWAYS, options=PLATFORM)
+
+class WithKernels(build_py):
+    """Copies the modules, and compiles kernels for this machine beside them."""
+
+    def run(self):
+        """Build the package."""
+        super().run()
+        target = Path(self.build_lib).absolute() / "msahl" / "kernels"
+        decks = [] if COMPILED == "all" else COMPILED.split(os.pathsep)
+        command = [sys.executable, "-m", "tools.build_wheel", "--into", str(target), *decks]
+        subprocess.run(command, check=True)
+
+
+def platform_tag():
+    """Return the platform of a wheel with machine code, as installers name it."""
+    if sys.platform == "linux" and HAS_KERNELS:  # the code needs nothing but libm
+        return f"manylinux_2_17_{platform.machine()}"
+    return sysconfig.get_platform().replace("-", "_").replace(".", "_")
+
+
+if HAS_KERNELS:
+    setup(install_requires=ALWAYS, options={"bdist_wheel": {"plat_name": platform_tag()}})
+elif COMPILED:
+    setup(
+        install_requires=[*ALWAYS, COMPILER],
+        setup_requires=[*ALWAYS, COMPILER],
+        cmdclass={"build_py": WithKernels},
+        options={"bdist_wheel": {"plat_name": platform_tag()}},
+    )
 else:
     setup(install_requires=[*ALWAYS, COMPILER])

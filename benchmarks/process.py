@@ -14,7 +14,7 @@ from benchmarks.chain_deck import chain_deck
 from benchmarks.problems import THESIS
 
 IMPORTS = [sys.executable, "-c", "import numpy, lxml, click"]
-MSAHL = [sys.executable, "-c", "from msahl.cli.main import main; main()"]
+MSAHL = [sys.executable, "-c", "from msahl.cli.start import main; main()"]
 LAUNCH = Path(__file__).with_name("launch.py")
 LONG_STEP = 0.002
 FREE_SPACE = 8e9

@@ -5,12 +5,13 @@ result = model.run(dt=0.01)
 result.states, result.verdict, result["Bob.z"]
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
 from msahl.version import VERSION
 
+# Checkers of types take it for true. To import it from typing takes longer than all of a client.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from msahl.analysis.inverse.drives import InverseError
     from msahl.api.batch import BatchError, batch
     from msahl.api.derivatives import GradientError, Gradients
@@ -60,8 +61,10 @@ _PLACES = {
 start in a fraction of the time that all take."""
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Import a public name when it is first used."""
+    from importlib import import_module
+
     if name not in _PLACES:
         raise AttributeError(f"module 'msahl' has no attribute '{name}'")
     globals()[name] = value = getattr(import_module(_PLACES[name]), name)

@@ -1,11 +1,14 @@
 """How a process of this program starts and ends others, and how many there may be."""
 
 import os
-import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from subprocess import Popen
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables of the environment that limit the threads of numpy's linear algebra."""
@@ -42,22 +45,24 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def start_worker(
-    module: str, variables: Mapping[str, str] | None = None
-) -> subprocess.Popen[bytes]:
+def start_worker(module: str, variables: Mapping[str, str] | None = None) -> "Popen[bytes]":
     """Start a process that runs a ``module``, with pipes to its input and from its output;
     ``variables`` of the environment count where none are set.
     """
+    import subprocess  # which a run does without
+
     return subprocess.Popen(
         command_of(module),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**(variables or {}), **environment()},
-        start_new_session=True,  # an interruption by the terminal is for this process alone
+        # An interruption by the terminal is for this process alone, on Unix and on Windows.
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
     )
 
 
-def end_worker(process: subprocess.Popen[bytes]) -> None:
+def end_worker(process: "Popen[bytes]") -> None:
     """End a process at once, whatever it does."""
     process.kill()
     process.wait()

@@ -11,6 +11,9 @@ from tests.support.models import ROOT
 
 PACKAGE = ROOT / "msahl"
 LEAVES = (
+    "msahl.command_process",
+    "msahl.locks",
+    "msahl.records",
     "msahl.terminal",
     "msahl.printable",
     "msahl.resources",
@@ -43,7 +46,9 @@ ORDER = (
     "study",
     "api",
     "sweep",
+    "serve",
     "cli",
+    "entry",
 )
 """Packages from the bottom to the top: each may import those before it."""
 

@@ -1,83 +1,171 @@
-"""Build a wheel that contains machine code for two levels of x86-64, so that it needs no numba.
+"""Build a wheel that contains machine code for the processors of its platform, without numba.
 
     python -m tools.build_wheel                 all kernels (make wheel)
     python -m tools.build_wheel -o DIR DECK...  only the kernels that these decks need
+    python -m tools.build_wheel --into DIR      no wheel, only the kernels for this machine
 
-The kernels of each level are compiled in a process of its own with an empty cache, for that level
-instead of for this machine. Names and digests of the files are those that ``msahl.jit.files`` looks
-for in an installed package. The wheel is built from a copy of the sources.
+The kernels are compiled in a process of its own with an empty cache, for the levels of processors
+that ``msahl.jit.files`` names (x86-64: two) instead of for this machine. What numba translates is
+linked for every level; it is taken over from the user's folder of kernels as far as it is there.
+(It differs with the processor only in how wide some vectors are, which LLVM divides as needed.) The
+wheel is built from a copy of the sources, in a temporary folder that no build leaves behind: one
+that was killed has lost its lock, and the next build removes its folder.
 """
 
 import argparse
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from msahl.jit.files import PORTABLE
-from msahl.jit.kernel_store import HEAD, digest_of
+from msahl.jit import building, compiled
+from msahl.jit.files import PORTABLE, Files, level_of_machine, portable_name
+from msahl.jit.kernel_store import HEAD, Store, digest_of
+from msahl.jit.object_file import Name, ObjectFile
+from msahl.locks import lock
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("msahl", "decks", "schemas", "LICENSE", "README.md", "pyproject.toml", "setup.py")
+SOURCES = ("msahl", "decks", "schemas", "LICENSE", "README.md", "pyproject.toml", "setup.py",
+           "MANIFEST.in", "tools/__init__.py", "tools/build_wheel.py")  # fmt: skip
 """What an installation is made from."""
+PREFIX = "msahl-wheel-"
 
 
 def copy_sources(target: Path) -> None:
     """Copy the sources into a new folder, without anything that was built."""
-    target.mkdir(parents=True)
     ignored = shutil.ignore_patterns("__pycache__", "kernels")
     for name in SOURCES:
+        place = target / name
+        place.parent.mkdir(parents=True, exist_ok=True)
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, target / name, ignore=ignored)
+            shutil.copytree(ROOT / name, place, ignore=ignored)
         else:
-            shutil.copy(ROOT / name, target / name)
+            shutil.copy(ROOT / name, place)
 
 
-def compile_for(level: str, cache: Path, decks: list[str]) -> None:
-    """Compile the kernels of some decks, or all, for one level of x86-64 into a cache."""
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Lend a folder that is removed in the end, also by a signal, or by the next build."""
+    remove_abandoned()
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    with (
+        tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as name,
+        (Path(name) / "lock").open("wb") as file,
+    ):
+        lock(file.fileno())
+        yield Path(name)
+
+
+def remove_abandoned() -> None:
+    """Remove the folders of builds that were killed: nobody holds their locks."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        try:
+            with (folder / "lock").open("r+b") as file:
+                abandoned = lock(file.fileno())
+        except OSError:  # it has just begun, or belongs to another user
+            continue
+        if abandoned:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def compile_into(target: Path, levels: list[str], decks: list[str], folder: Path) -> None:
+    """Compile the kernels of some decks, or all, into a folder for each level of ``target``."""
     # The name of the level implies its features; those of this machine must not be added.
     environment = os.environ | {
-        "NUMBA_CACHE_DIR": str(cache),
-        "NUMBA_CPU_NAME": level,
+        "NUMBA_CACHE_DIR": str(folder / "cache"),
+        "NUMBA_CPU_NAME": levels[0],
         "NUMBA_CPU_FEATURES": "",
+        "PYTHONPATH": str(ROOT),
+        "TMPDIR": str(folder),
     }
-    program = "from msahl.cli.main import main; main()"
-    command = [sys.executable, "-c", program, "compile", *(decks or ["--all"])]
-    subprocess.run(command, env=environment, check=True)
+    given = str(target), levels, str(compiled.STORE.folder), Files(compiled.STORE).machine
+    begin = f"from tools.build_wheel import compile_levels; compile_levels(*{given!r})"
+    subprocess.run([sys.executable, "-c", begin, *decks], env=environment, check=True)
 
 
-def package(cache: Path, target: Path) -> int:
-    """Copy the object files of a cache into the package; return their size in bytes."""
+def compile_levels(target: str, levels: list[str], known: str, machine: str) -> None:
+    """Compile for the first of the ``levels``, and link the same for the others; ``known`` is the
+    user's folder of kernels and ``machine`` what the names in it end with.
+    """
+    from msahl.cli.compile import compile_
+
+    files = Files(compiled.STORE)
+    _take_over(Store(Path(known)), machine, files.machine)
+    compile_.main(sys.argv[1:] or ["--all"], standalone_mode=False)
+    _copy(compiled.STORE.folder, Path(target) / levels[0])
+    for level in levels[1:]:
+        os.environ["NUMBA_CPU_NAME"] = level
+        building.end_team()
+        folder = Path(target) / level
+        folder.mkdir(parents=True)
+
+        def write(name: Name, code: ObjectFile, folder: Path = folder) -> None:
+            _write(folder / portable_name(name), code.as_bytes())
+
+        work = building.Build(files, lambda name: None, write)
+        building.build(work, compiled.LOADED)
+        _tell(level, folder)
+
+
+def _take_over(known: Store, machine: str, wanted: str) -> None:
+    """Take over what was translated for this machine already."""
+    for path in known.folder.glob(f"*-{machine}.bc"):
+        content = known.load(path.name)
+        if content:
+            name = path.name.removesuffix(f"{machine}.bc")
+            compiled.STORE.save(f"{name}{wanted}.bc", content)
+
+
+def _copy(kernels: Path, target: Path) -> None:
+    """Copy the object files of a cache into the folder of a level."""
     target.mkdir(parents=True)
-    size = 0
-    for path in (cache / "kernels").iterdir():
+    for path in kernels.iterdir():
         name, _, _ = path.name.rpartition("-")  # without compiler and processor
-        if path.suffix == ".bc" or not name:
-            continue
-        content = path.read_bytes()[HEAD:]
-        (target / name).write_bytes(digest_of(name, content) + content)
-        size += len(content)
-    return size
+        if path.suffix != ".bc" and name:
+            _write(target / name, path.read_bytes()[HEAD:])
+    _tell(target.name, target)
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.write_bytes(digest_of(path.name, content) + content)
+
+
+def _tell(level: str, folder: Path) -> None:
+    sizes = [path.stat().st_size for path in folder.iterdir()]
+    print(f"{level}: {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB", flush=True)
+
+
+def build_wheel(output: str, decks: list[str]) -> None:
+    """Write the wheel into the folder ``output``."""
+    with temporary_folder() as folder:
+        sources = folder / "sources"
+        copy_sources(sources)
+        compile_into(sources / "msahl" / "kernels", list(PORTABLE), decks, folder)
+        pip = [sys.executable, "-m", "pip", "wheel", "-q", "--disable-pip-version-check"]
+        environment = os.environ | {"TMPDIR": str(folder)}
+        command = [*pip, "--no-deps", "-w", output, str(sources)]
+        subprocess.run(command, env=environment, check=True)
 
 
 def main() -> None:
-    """Write the wheel."""
+    """Write the wheel, or the kernels of this machine."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", default="dist", help="folder of the wheel")
+    parser.add_argument("--into", type=Path, help="folder for the kernels of this machine")
     parser.add_argument("decks", nargs="*", help="decks to compile for (default: all kernels)")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        sources = Path(folder) / "sources"
-        copy_sources(sources)
-        for level in PORTABLE:
-            compile_for(level, Path(folder) / level, given.decks)
-            target = sources / "msahl" / "kernels" / level
-            size = package(Path(folder) / level, target)
-            print(f"{level}: {len(list(target.iterdir()))} files, {size / 1e6:.1f} MB")
-        pip = [sys.executable, "-m", "pip", "wheel", "-q", "--disable-pip-version-check"]
-        subprocess.run([*pip, "--no-deps", "-w", given.o, str(sources)], check=True)
+    if not PORTABLE:
+        sys.exit("machine code in wheels is made for x86-64 and 64-bit ARM only")
+    if not given.into:
+        build_wheel(given.o, given.decks)
+        return
+    with temporary_folder() as folder:
+        compile_into(given.into.absolute(), [level_of_machine()], given.decks, folder)
 
 
 if __name__ == "__main__":

@@ -3,10 +3,14 @@
 Tables of results hold Wiener-Milenkovic parameters.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from msahl.algebra.vector import Vector
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike  # which takes longer to import than this module
 
 
 def quaternions(p: np.ndarray) -> np.ndarray:
@@ -28,7 +32,7 @@ def rotations(p: np.ndarray) -> np.ndarray:
     return matrices(quaternions(p))
 
 
-def matrices(e: ArrayLike) -> np.ndarray:
+def matrices(e: "ArrayLike") -> np.ndarray:
     """Return the rotation matrices (..., 3, 3) of Euler parameters (..., 4)."""
     e = np.asarray(e)
     K = np.zeros((*e.shape[:-1], 3, 3))

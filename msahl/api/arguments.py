@@ -2,20 +2,20 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
 from msahl.model.settings import EQUILIBRIUM
+from msahl.records import record
 from msahl.run.options import Choice, Flag, Integer, Number, OptionError, accepted
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Names:
     """A text, or a list of texts."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Numbers:
     """A list of finite numbers: ``count`` of them, or at least ``least``."""
 
@@ -23,17 +23,17 @@ class Numbers:
     least: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Weights:
     """Numbers by name."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Mapped:
     """Texts by name."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class At:
     """A time from 0 s on, or the word for the equilibrium."""
 

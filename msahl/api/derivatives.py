@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from msahl.records import record
 
 HEADER = ("measure", "parameter", "value", "derivative", "unit", "error")
 
@@ -14,7 +15,7 @@ class GradientError(ValueError):
     """Derivatives that cannot be computed; the message has one line for each fault."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Gradients:
     """Values of measures and their derivatives by parameters.
 

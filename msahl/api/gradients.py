@@ -6,7 +6,7 @@ time with pairs of them joined, and the difference is the error of the scheme.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from msahl.post.measures import (
     tables_with_columns,
 )
 from msahl.printable import printable
+from msahl.records import record
 from msahl.results.job import Job
 from msahl.run.column_units import quantity
 from msahl.run.companion import SAFETY
@@ -52,7 +53,7 @@ SLACK = 1e-3
 """Correction left in a step, relative to it, from which on it is reported."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Request:
     """The ``measures`` to be differentiated, and the ``columns`` at all output times, by the
     ``numbers`` of the deck by name."""

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from msahl.analysis.inverse.table import GivenMotion, motion_of_table, read_moti
 from msahl.analysis.inverse.verdict import verdict
 from msahl.api.result import Result
 from msahl.model import Model
+from msahl.records import record
 from msahl.results.job import Job, make_job
 from msahl.results.write import DRIVES, file_name, write_table
 from msahl.run.options import OptionError, recorded_options
@@ -75,7 +76,7 @@ class InverseResult(Result):
         return written
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Wanted:
     """What is asked of an inverse problem: motions are paths, results, pandas frames or columns by
     name.

@@ -9,12 +9,12 @@ in proportion to s.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from msahl.algebra.vector import Vector
+from msahl.records import record
 
 PARALLEL = 1e-3
 """Sine of the angle between two directions below which they count as parallel."""
@@ -49,7 +49,7 @@ class CentreLine(Protocol):
         """Return d_1 (n, 3)."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Straight:
     """From ``start`` to ``end`` [m]."""
 
@@ -87,7 +87,7 @@ def upward(along: np.ndarray) -> np.ndarray:
     return np.array([-1.0, 0.0, 0.0]) if vertical else np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Arc:
     """From ``start`` about the ``axis`` (3,) through ``centre`` by ``angle`` [rad]."""
 

@@ -1,17 +1,17 @@
 """Elements of a beam: their ends, nodes by number and by place, loads per length at nodes."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 
 from msahl.elements.beams.shape import node_stations, shape
+from msahl.records import record
 
 SAME = 1e-9
 """Distance of two places, relative to the beam's length, that counts as zero."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Mesh:
     """Elements of a ``degree`` between ``ends``, relative arc lengths from 0 to 1."""
 

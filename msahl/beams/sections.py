@@ -12,7 +12,6 @@ b t^3/3 over its three thin parts.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -20,6 +19,7 @@ import numpy as np
 from msahl.algebra.vector import Vector
 from msahl.model.beams import Compliance, Section
 from msahl.model.shapes import Points
+from msahl.records import record
 
 SIZES: Mapping[str, tuple[str, ...]] = {
     "rectangle": ("width", "height"),
@@ -37,7 +37,7 @@ TERMS = 40
 """Terms of the series of a rectangle's torsion constant: the last is 1e-10 of the sum."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Material:
     """Young's modulus and shear modulus [Pa], density [kg/m^3]."""
 

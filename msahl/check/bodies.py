@@ -43,6 +43,15 @@ def _is_plainly_possible(J: Matrix, scale: float | None) -> bool:
     return smallest > POSITIVE * scale and largest <= smallest + middle + TRIANGLE * scale
 
 
+def plainly_possible(mass: np.ndarray, J: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return which of many bodies have no findings beyond doubt, (n,) bool: those far from all
+    limits. ``mass`` (n,), ``J`` (n, 3, 3), ``scale`` (n,) as in ``body_findings``."""
+    finite = np.isfinite(J).all(axis=(1, 2))
+    smallest, middle, largest = np.linalg.eigvalsh(np.where(finite[:, None, None], J, 0.0)).T
+    margin = smallest + middle - largest > -0.5 * TRIANGLE * scale
+    return (mass > 0.0) & finite & (smallest > 1e-6 * scale) & margin
+
+
 def impossible(J: Matrix, scale: float | None = None) -> str:
     """Return why no body has the inertia tensor ``J`` about its mass centre; "" if one can."""
     if _is_plainly_possible(J, scale):

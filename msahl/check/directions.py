@@ -31,8 +31,11 @@ def unit(a: Vector) -> Vector:
 
 def clean(a: Vector) -> Vector:
     """Return a unit vector without components that are rounding errors; -0.0 becomes 0.0."""
-    x, y, z = (component if abs(component) > EXACT else 0.0 for component in a)
-    if sum(map(bool, (x, y, z))) == 1:
+    x, y, z = a
+    x = x if abs(x) > EXACT else 0.0
+    y = y if abs(y) > EXACT else 0.0
+    z = z if abs(z) > EXACT else 0.0
+    if (x != 0.0) + (y != 0.0) + (z != 0.0) == 1:
         return (float(round(x)), float(round(y)), float(round(z)))
     return (x, y, z)
 

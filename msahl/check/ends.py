@@ -5,6 +5,8 @@ import sys
 from collections.abc import Iterator
 from typing import Protocol
 
+import numpy as np
+
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, dot, sub
 from msahl.check.context import Context
 from msahl.check.directions import PARALLEL
@@ -68,6 +70,14 @@ def tolerance(here: Vector, there: Vector, longest: float, context: Context) -> 
     """Return the accepted distance of two points at t = 0 [m], by the ``longest`` arm [m]."""
     far = max(math.hypot(*here), math.hypot(*there), context.extent)
     return max(FIT * longest, ROUNDING * far)
+
+
+def plainly_together(here: np.ndarray, there: np.ndarray, longest: np.ndarray) -> np.ndarray:
+    """Return which of many pairs of points (n, 3) ``apart`` accepts beyond doubt, (n,) bool, by
+    their ``longest`` arms (n,) [m]."""
+    far = np.maximum(np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1))
+    accepted = np.maximum(FIT * longest, ROUNDING * far)
+    return np.linalg.norm(there - here, axis=1) <= 0.5 * accepted
 
 
 def apart(ends: Ends, context: Context) -> Iterator[Finding]:

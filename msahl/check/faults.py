@@ -7,11 +7,12 @@ makes faults of them by adding kind and name of the element; the reader of decks
 
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import islice
 from typing import Any, NamedTuple
 
 from msahl.algebra.vector import Vector
+from msahl.records import record
 
 LARGEST, SMALLEST = 1e100, 1e-100
 """Range of numbers in SI whose products of three can be computed, apart from zero. Physical
@@ -34,7 +35,7 @@ class Finding(NamedTuple):
     message: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fault:
     """What is wrong with an element of a model: its ``kind`` (body, joint, motion, load or
     simulation; "" for the model itself), its ``name``, the ``part`` of it, and what to do."""

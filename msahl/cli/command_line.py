@@ -1,6 +1,5 @@
 """The command line that the present command was called with, for messages that say how to go on."""
 
-import shlex
 from collections.abc import Collection
 
 import click
@@ -9,6 +8,8 @@ from click.core import ParameterSource
 
 def typed_command(without: Collection[str] = ()) -> str:
     """The present command line; parameters ``without`` are omitted."""
+    import shlex
+
     context = click.get_current_context()
     words = ["msahl", str(context.info_name)]
     for parameter in context.command.params:

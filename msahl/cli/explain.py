@@ -21,5 +21,5 @@ def explain(deck: Path, settings: tuple[str, ...]) -> None:
     model = model_to_run(deck, {}, settings)
     from msahl.run.explain import explain as lines
 
-    with computing(deck, quiet=True):
+    with computing(deck):
         echo("\n".join(lines(model)))

@@ -1,6 +1,8 @@
 """Requests to stop a command by SIGINT or SIGTERM."""
 
 import signal
+import threading
+from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -36,9 +38,22 @@ class Interruption:
 
 
 def set_alarm(seconds: float) -> None:
-    """Let the process receive SIGALRM after so many seconds, where the system can; 0 for never."""
+    """Let the process receive SIGALRM after so many seconds; 0 for never. Windows has no SIGALRM:
+    there it is a second SIGINT.
+    """
+    global _timer
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)
+        return
+    if _timer:
+        _timer.cancel()
+    _timer = threading.Timer(seconds, interrupt_main) if seconds else None
+    if _timer:
+        _timer.daemon = True
+        _timer.start()
+
+
+_timer: threading.Timer | None = None
 
 
 @contextmanager

@@ -110,23 +110,24 @@ def _use_results() -> None:
     from msahl.cli.main import main
     from msahl.post.cli import main as post
 
-    with _silence(), tempfile.TemporaryDirectory() as folder:
+    with silence(), tempfile.TemporaryDirectory() as folder:
         for name in TYPICAL:
             deck, out = str(example_deck(name)), f"{folder}/{Path(name).stem}"
-            _call(main, "run", deck, "-q", "-o", out, "--t-final", "0.05")
+            call(main, "run", deck, "-q", "-o", out, "--t-final", "0.05")
             for command in COMMANDS:
-                _call(post, command, out)
+                call(post, command, out)
             study = ("--t-final", "0.2", "--budget", "1", "--reference", "independent")
-            _call(main, "study", deck, "-o", f"{out}-study", *study)
+            call(main, "study", deck, "-o", f"{out}-study", *study)
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
+def silence() -> Iterator[None]:
     """Discard what commands print."""
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
         yield
 
 
-def _call(command: click.Command, *words: str) -> None:
+def call(command: click.Command, *words: str) -> None:
+    """Carry out a command in this process, however it ends."""
     with suppress(SystemExit, click.exceptions.Exit):
         command.main(list(words), standalone_mode=False)

@@ -70,7 +70,7 @@ def kinematics(
 
     job = job_of(deck, options_of(step, t_final), settings)
     folder = output or Path("results") / f"{deck.stem}_kinematics"
-    with writing(folder, OTHER_FOLDER), computing(deck, quiet=True):
+    with writing(folder, OTHER_FOLDER), computing(deck, quiet):
         prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
         with locked(folder):
             status = _carry_out(job, prepared, folder, every, quiet)

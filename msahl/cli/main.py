@@ -18,7 +18,7 @@ from msahl.version import VERSION
 
 COMMANDS = (
     "check", "compile", "equilibrium", "explain", "inverse", "kinematics", "linearize", "modes",
-    "new", "run", "schema", "show", "study", "sweep",
+    "new", "run", "schema", "serve", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module ``msahl.cli`` of its name."""
 DENSE = ("linearize", "modes")

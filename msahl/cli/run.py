@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +25,7 @@ from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.cli.progress import progress_in_time
 from msahl.printable import printable, shown_path
+from msahl.records import record
 
 if TYPE_CHECKING:
     from msahl.cli.gradients import GradientsOfRun
@@ -143,7 +143,7 @@ def _gradients(
     return GradientsOfRun(job, measures, wrt)
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class RunCommand:
     """A run to be made or resumed, the locked folder of its results, and what is printed."""
 
@@ -171,10 +171,13 @@ class RunCommand:
         if started is None:
             say(f"{self.deck}: the run in {shown_path(self.folder)} is complete")
             return 0
+        from msahl.jit.announced import announced
+
         with stoppable() as stopped:
             report = self._simulate(*started, stopped)
             if self.gradients and report.status == "completed":
-                self.gradients.compute(report)
+                with announced(not self.quiet):
+                    self.gradients.compute(report)
             status = self._close(started[0], report, stopped)
             if self.gradients and self.gradients.found is None:
                 status = status or NOT_CONVERGED

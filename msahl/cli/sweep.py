@@ -16,6 +16,7 @@ from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, say, stop
 from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, run_options
 from msahl.printable import printable, shown_path
+from msahl.records import record
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def sweep(deck: Path, output: Path | None, **given: Any) -> None:
         )
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Request:
     """What the user asked for: the deck, the folder, and all other options by name."""
 

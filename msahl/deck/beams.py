@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from msahl.elements.beams.build import Line, build_beam
 from msahl.model.beams import Beam, Section
 from msahl.model.bodies import RigidBody
 from msahl.model.shapes import BeamShape, Points
+from msahl.records import record
 
 STIFFNESSES = ("EA", "GA2", "GA3", "GJ", "EI2", "EI3")
 """Stiffnesses of a section in the order of strains; the first three are forces."""
@@ -33,7 +34,7 @@ THIN = 0.1
 """Largest size of the outline of a section given by stiffnesses, by the beam's length."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class BuiltBeam:
     """A beam, its nodes, and what it looks like; ``nodes`` are named in any case, and ``beam`` is
     None if it has a fault."""

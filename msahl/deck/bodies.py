@@ -7,9 +7,7 @@ What provides a frame is a ``RigidBody``, whatever its element takes its mass an
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 
-import numpy as np
-
-from msahl.algebra.vector import Matrix, Vector
+from msahl.algebra.vector import Matrix, Vector, axpy
 from msahl.check.bodies import body_findings
 from msahl.check.context import INERTIAL
 from msahl.deck.faults import Element, attribute, text
@@ -26,10 +24,22 @@ def read_ground(element: Element, reader: Reader) -> Ground:
 
 def read_rigid_body(element: Element, reader: Reader) -> RigidBody:
     """Return the record of a ``<rigidBody>``."""
+    body, entries = given_body(element, reader)
+    return _checked(element, body, max(map(abs, entries)), reader)
+
+
+def given_body(element: Element, reader: Reader) -> tuple[RigidBody, tuple[float, ...]]:
+    """Return the record of a ``<rigidBody>`` before it is checked, and the entries of the tensor as
+    they are given [kg m^2]; with a ``Column`` and its reader those of many bodies at once."""
     mass = reader.number(element.find("mass"), "mass")
     r_BG = reader.components(element.find("rGB"))
-    inertia, largest = _inertia(element, mass, r_BG, reader)
-    return body_at_start(element, mass, r_BG, inertia, reader, largest)
+    moi = element.find("moi")
+    assert moi is not None  # the schema requires it
+    entries = reader.numbers(moi, _ENTRIES, "inertia")
+    J = symmetric(*entries)
+    if attribute(moi, "about", "G") == "B":
+        J = about_mass_centre(J, mass, r_BG)
+    return _at_start(element, mass, r_BG, J, reader), entries
 
 
 def body_at_start(
@@ -44,10 +54,17 @@ def body_at_start(
     position in inertial axes, all else in its own. ``inertia`` is about G in body axes, ``largest``
     the largest entry that the deck gives of it, if it gives any.
     """
-    name = text(element.find("name"))
+    given = _at_start(element, mass, r_BG, inertia, reader)
+    return _checked(element, given, largest, reader)
+
+
+def _at_start(
+    element: Element, mass: float, r_BG: Vector, inertia: Matrix, reader: Reader
+) -> RigidBody:
+    name = reader.name(element)
     start = element.find("initialConditions")
     start = element if start is None else start  # then none of its children is found either
-    body = RigidBody(
+    return RigidBody(
         name=name,
         mass=mass,
         r_BG=r_BG,
@@ -57,7 +74,11 @@ def body_at_start(
         velocity=reader.vector(start.find("velocity"), own=name, wanted=name),
         angular_velocity=reader.vector(start.find("angularVelocity"), own=name, wanted=name),
     )
-    by_joints = reader.starts.get(name)
+
+
+def _checked(element: Element, body: RigidBody, largest: float | None, reader: Reader) -> RigidBody:
+    """Return a body as joints place it, once it is checked."""
+    by_joints = reader.starts.get(body.name)
     if by_joints is not None:
         found = {key: value for key, value in asdict(by_joints).items() if value is not None}
         body = replace(body, **found)
@@ -77,17 +98,6 @@ def _check(element: Element, body: RigidBody, largest: float | None, reader: Rea
     reader.add(element, findings)
 
 
-def _inertia(body: Element, mass: float, r_BG: Vector, reader: Reader) -> tuple[Matrix, float]:
-    """Return the tensor about G in body axes [kg m^2] and the largest entry as it is given."""
-    moi = body.find("moi")
-    assert moi is not None  # the schema requires it
-    entries = reader.numbers(moi, _ENTRIES, "inertia")
-    J, largest = symmetric(*entries), max(map(abs, entries))
-    if attribute(moi, "about", "G") == "B":
-        J = about_mass_centre(J, mass, r_BG)
-    return J, largest
-
-
 def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Matrix:
     """Return the symmetric matrix of its six entries."""
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
@@ -97,8 +107,11 @@ def about_mass_centre(J_B: Matrix, mass: float, r: Vector) -> Matrix:
     """Return ``J_G = J_B - m (r.r 1 - r r^T)``, the parallel-axis theorem; ``r`` from B to G."""
     x, y, z = r
     part = symmetric(y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
-    rows = (np.array(J_B) - mass * np.array(part)).tolist()
-    return (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
+    return (
+        axpy(-mass, part[0], J_B[0]),
+        axpy(-mass, part[1], J_B[1]),
+        axpy(-mass, part[2], J_B[2]),
+    )
 
 
 BODIES: Mapping[str, Callable[[Element, Reader], Ground | RigidBody]] = {

@@ -9,11 +9,11 @@ unknown elements.
 import difflib
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from msahl.deck.faults import Element, Faults, collapsed, text
+from msahl.records import record
 
 if TYPE_CHECKING:  # a run of a valid deck does not import it
     from xmlschema.validators import XsdElement, XsdSimpleType
@@ -34,7 +34,7 @@ _INSIDE = re.compile(r"[A-Za-z_{}*/^]")
 """Characters of texts that may be meant as expressions."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Rule:
     """What an element may contain: text of the type ``word``, or ``children`` in a group of one
     ``model`` (empty: no children).

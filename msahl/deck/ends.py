@@ -1,7 +1,6 @@
 """Reader of the two ends of a joint, spring or bushing: bodies, points and axes."""
 
 import math
-from dataclasses import dataclass
 
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, dot
 from msahl.check.context import INERTIAL, Context
@@ -17,12 +16,13 @@ from msahl.check.ends import is_placed as known_places
 from msahl.check.faults import shown
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
+from msahl.records import record
 
 SIDES = ("parent", "child")
 REFERENCE_PARALLEL = "<reference> is parallel to the axis; give another direction, or delete it"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Ends:
     """Names of parent and child, and each one's point [m] in its own axes."""
 
@@ -41,8 +41,8 @@ def read_ends(element: Element, reader: Reader) -> Ends:
 def _end(element: Element, side: str, reader: Reader) -> tuple[str, Vector]:
     end = element.find(side)
     assert end is not None  # the schema requires it
-    name = text(end.find("name"))
-    if name not in reader.context.axes:
+    name = reader.name(end)
+    if not reader.is_known(name):
         return name, ZERO
     return name, reader.vector(end.find("position"), own=name, wanted=name)
 

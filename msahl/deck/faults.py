@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import NoReturn
 
 from lxml import etree
 
 from msahl.printable import printable
+from msahl.records import record
 
 Element = etree._Element
 
@@ -31,7 +31,7 @@ LONGEST = 600
 """Characters of each part of a message; a longer part is given without its middle."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fault:
     """One fault: ``file`` as the user named it, ``line`` (0: the file as a whole), ``where`` (an
     element's path, or its body, joint, motion or load by name), ``message`` with the remedy."""
@@ -106,6 +106,11 @@ class Faults:
     def doubt(self, element: Element) -> None:
         """Mark ``element`` as not sound, for a fault that is not its own."""
         self._touched.update((element, *element.iterancestors()))
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing was found so far."""
+        return not (self._found or self._touched)
 
     def own(self, element: Element) -> bool:
         """Return whether ``element`` itself has a fault, not only something inside it."""

@@ -7,7 +7,7 @@ is a deck of plain numbers, and what runs is the same, to the bit, as if they ha
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import partial
 
@@ -38,12 +38,13 @@ from msahl.expressions.syntax import (
     parse,
     postorder,
 )
+from msahl.records import record
 
 LONGEST = 80
 """Characters of an expression that a message repeats."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Scope:
     """What expressions in numbers may name: parameters with their values in SI and dimensions.
     ``faulty`` are the names of those that have a fault. ``computed`` are the texts in braces that

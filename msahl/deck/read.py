@@ -11,13 +11,14 @@ import gc
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
 from msahl.check.context import INERTIAL, Context, add_values
 from msahl.check.names import RESERVED, name_messages, signal_name_messages
 from msahl.check.signals import circle_findings
+from msahl.deck.alike import BodiesAlike, joints_alike
 from msahl.deck.attachments import attach_to_beams
 from msahl.deck.bodies import BODIES
 from msahl.deck.couplings import read_coupling
@@ -160,8 +161,8 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
-    beams = _place_all(root, sound["bodies"], reader)
-    bodies = _read_bodies(sound["bodies"], reader)
+    beams, alike = _place_all(root, sound["bodies"], reader)
+    bodies = _read_bodies(sound["bodies"], alike, reader)
     beams += _read_beams_of_bodies(sound["bodies"], reader)
     _check_some_body(root, faults)
     joints, couplings = _read_joints(sound["joints"], reader)
@@ -204,10 +205,13 @@ def _places(root: Element, faults: Faults) -> dict[str, str]:
     }
 
 
-def _place_all(root: Element, bodies: list[Element], reader: Reader) -> "list[BuiltBeam]":
-    """Make the axes of all bodies known and check all references; return the beams."""
+def _place_all(
+    root: Element, bodies: list[Element], reader: Reader
+) -> "tuple[list[BuiltBeam], BodiesAlike]":
+    """Make the axes of all bodies known and check all references; return the beams, and the bodies
+    that are alike."""
     attach_to_beams(root, reader)
-    _read_axes(root, bodies, reader)
+    alike = _read_axes(root, bodies, reader)
     _read_kinds(root, reader)
     beams = _read_beams(bodies, reader)
     check_references(root, TAGS, reader)
@@ -215,7 +219,7 @@ def _place_all(root: Element, bodies: list[Element], reader: Reader) -> "list[Bu
         from msahl.deck.placement import place_by_joints  # which few decks need
 
         place_by_joints(root, reader)
-    return beams
+    return beams, alike
 
 
 def _read_beams(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":
@@ -233,11 +237,17 @@ def _read_beams(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":
     return built
 
 
-def _read_bodies(sound: list[Element], reader: Reader) -> list[Ground | RigidBody]:
+def _read_bodies(
+    sound: list[Element], alike: BodiesAlike, reader: Reader
+) -> list[Ground | RigidBody]:
     """Return the records of grounds and bodies; nodes of beams are bodies."""
     found: list[Ground | RigidBody] = []
-    for element in sound:
-        if element.tag == "beam":
+    for element, record in zip(sound, alike.records(), strict=True):
+        if record is not None:
+            reader.context.place(record.name, record.position)
+            reader.bodies[record.name] = record
+            found.append(record)
+        elif element.tag == "beam":
             found += reader.beams.get(text(element.find("name")), ())
         elif element.tag != "beamOfBodies":
             found.append(_read_body(element, reader))
@@ -258,6 +268,7 @@ def _read_beams_of_bodies(sound: list[Element], reader: Reader) -> "list[BuiltBe
 
 def _read_shapes(elements: list[Element], reader: Reader) -> Iterator[Shape]:
     """Yield the shapes, of grounds before those of bodies."""
+    elements = [element for element in elements if element.find("shapes") is not None]
     for element in sorted(elements, key=lambda element: element.tag != "ground"):
         yield from read_shapes(element, reader)
 
@@ -273,7 +284,12 @@ def _read_loads(elements: list[Element], reader: Reader) -> Iterator[Load]:
 
 def _read_joints(sound: list[Element], reader: Reader) -> tuple[list[Joint], list[Coupling]]:
     """Return the joints, and the couplings of two of them."""
-    joints = [read_joint(element, reader) for element in sound if element.tag in JOINT_KINDS]
+    elements = [element for element in sound if element.tag in JOINT_KINDS]
+    joints = []
+    for element, record in zip(elements, joints_alike(elements, reader), strict=True):
+        joints.append(read_joint(element, reader) if record is None else record)
+        if record is not None:
+            reader.joints[record.name] = record
     return joints, [read_coupling(e, reader) for e in sound if e.tag in COORDINATES]
 
 
@@ -338,26 +354,28 @@ def _label(record: Element) -> Element | None:
     return record if record.get("name") is not None else record.find("name")
 
 
-def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
-    """Make every body's axes known before anything refers to them.
+def _read_axes(root: Element, sound: list[Element], reader: Reader) -> BodiesAlike:
+    """Make every body's axes known before anything refers to them; return those that are alike.
 
     A body with faults is known by name, so that references to it resolve.
     """
     context = reader.context
-    for element in root.iterfind("system/bodies/*"):
-        if element.tag != "beamOfBodies":
-            for name in element.iterfind("name"):
-                context.axes.setdefault(text(name), IDENTITY)
+    path = "system/bodies/*[not(self::beamOfBodies)]/name"
+    for name in cast(list[Element], root.xpath(path)):
+        context.axes.setdefault(text(name), IDENTITY)
     for element in root.iterfind("system/bodies/ground"):
         context.grounds[text(element.find("name"))] = None
     if not is_complete(root, "bodies", TAGS):
         context.grounds.setdefault(INERTIAL)
-    for element in sound:
+    alike = BodiesAlike(sound, reader)
+    for element, axes in zip(sound, alike.axes(), strict=True):
         if element.tag == "beamOfBodies":
             continue
-        orientation = reader.orientation(element)
-        axes = IDENTITY if orientation is ZERO else matrix(orientation)
+        if axes is None:
+            orientation = reader.orientation(element)
+            axes = IDENTITY if orientation is ZERO else matrix(orientation)
         context.axes[text(element.find("name"))] = axes
+    return alike
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:

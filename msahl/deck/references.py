@@ -6,13 +6,13 @@ already: a record under a misspelt tag, or one whose name is missing.
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import cast
 
 from msahl.check.names import unresolved
 from msahl.deck.faults import KINDS, Element, Faults, attribute, collapsed, text
 from msahl.deck.values import INERTIAL_BASIS, Reader
+from msahl.records import record
 
 ENDS = ("parent", "child")
 BODIES = ("system/*/*/parent/name", "system/*/*/child/name", "system/*/*/body")
@@ -23,7 +23,7 @@ ROTATING = ("force", "moment", "acceleration", "marker")
 """Elements whose ``basis`` rotates with its body; others take it as it stands at t = 0."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Reference:
     """A ``name`` in some ``role`` of ``owner``, and the element ``at`` which it is given."""
 
@@ -56,10 +56,11 @@ def check_references(root: Element, tags: Collection[str], reader: Reader) -> No
 def _names_at(root: Element, paths: Sequence[str]) -> set[str]:
     """Return the texts of all elements at the ``paths`` and of all attributes ``basis``."""
     # XPath is evaluated by libxml2, and ``iterfind`` by Python.
-    labels = (cast(list[Element], root.xpath(path)) for path in paths)
-    texts = {label.text or "" for found in labels for label in found}
+    wanted = [f"{path}/text()" for path in paths]
     if paths is BODIES:
-        texts.update(cast(list[str], root.xpath("system//@basis", smart_strings=False)))
+        wanted.append("system/descendant::*/@basis")
+    found = (cast(list[str], root.xpath(path, smart_strings=False)) for path in wanted)
+    texts = set(chain.from_iterable(found))
     return set(map(collapsed, texts))
 
 

@@ -5,7 +5,6 @@ decks with expressions, parts or changed numbers need it.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from typing import cast
 
@@ -15,6 +14,7 @@ from msahl.deck.faults import Element
 from msahl.deck.parse import parse_with_comments
 from msahl.deck.schema import schema_bytes
 from msahl.deck.units import UNITS
+from msahl.records import record
 
 XS = "{http://www.w3.org/2001/XMLSchema}"
 
@@ -25,7 +25,7 @@ NAME, EXPRESSION = "name", "expression"
 """Simple types of names of elements, and of laws of the motion."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Content:
     """What an element may contain: text of a simple type ("": no text), the words that its
     ``units`` may be, the simple types of its attributes, and the declarations of its children."""

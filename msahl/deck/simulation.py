@@ -1,7 +1,5 @@
 """Reader of ``<simulation>``: how the model is run, and how its start is made consistent."""
 
-from dataclasses import dataclass
-
 from msahl.check.simulation import simulation_findings
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import Reader
@@ -9,6 +7,7 @@ from msahl.model import MEAN, Limits, Simulation
 from msahl.model.scheme import CAYLEY, DAMPING, DEFAULT, DEGREE
 from msahl.model.settings import AUTOMATIC, GIVEN, NO
 from msahl.printable import printable
+from msahl.records import record
 
 
 def read_simulation(element: Element, reader: Reader) -> Simulation:
@@ -49,7 +48,7 @@ def _limits(verdict: Element | None, reader: Reader) -> Limits:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Assembly:
     """How the start is made consistent: see ``Model``."""
 

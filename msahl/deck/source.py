@@ -9,7 +9,7 @@ import re
 from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,6 +22,7 @@ from msahl.deck.read import read_tree, read_what_is_sound
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.write import effective_text, without_shapes
 from msahl.model import Model
+from msahl.records import record
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
@@ -51,7 +52,7 @@ class Readable(NamedTuple):
     faults: tuple[Fault, ...]
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Source:
     """The bytes of a deck, and the path that names it in messages and leads to its parts.
 
@@ -108,9 +109,12 @@ class Source:
         parts = {Path(path): b64decode(data) for path, data in given["parts"].items()}
         return cls(Path(given["path"]), b64decode(given["data"]), parts)
 
-    def tree(self, faults: Faults, thorough: bool = False) -> Element:
-        """Return the tree without comments; departures from the schema are added to ``faults``."""
-        root = None if thorough else parse_valid(self.data, validator(schema_bytes()))
+    def tree(self, faults: Faults, thorough: bool = False, blanks: bool = True) -> Element:
+        """Return the tree without comments; departures from the schema are added to ``faults``.
+
+        Without ``blanks`` that of a valid deck has no white space between its elements.
+        """
+        root = None if thorough else parse_valid(self.data, validator(schema_bytes()), blanks)
         if root is None:
             root = parse(self.data, faults)
             check_schema(root, faults, thorough)
@@ -120,7 +124,7 @@ class Source:
         """Return the model with other numbers (see ``deck.overrides``); raises ``DeckError`` with
         every fault found. With ``thorough`` both libraries validate the deck (``deck.schema``)."""
         faults = Faults(str(self.path))
-        root = self.tree(faults, thorough)
+        root = self.tree(faults, thorough, blanks=False)
         plain = is_plain(root, self.data, settings)
         return read_tree(root, self.path, None if plain else settings, faults, self.parts)
 

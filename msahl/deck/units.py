@@ -203,8 +203,9 @@ def to_si_by(value: float, factor: Fraction) -> float:
     """Return ``value``, in a unit of ``factor``, in SI, rounded once; infinite if too large."""
     if factor == 1 or not math.isfinite(value):
         return value
+    n, d = value.as_integer_ratio()
     try:
-        return float(Fraction(value) * factor)
+        return (n * factor.numerator) / (d * factor.denominator)  # of integers: rounded once
     except OverflowError:
         return math.copysign(math.inf, value)
 

@@ -22,6 +22,7 @@ from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, Parameter, to_si
 from msahl.expressions.dimensions import Dimension, TableDimensions
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
+from msahl.records import record
 
 VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "gravity": ("acceleration", ("g1", "g2", "g3")),
@@ -78,7 +79,7 @@ class BodyStart:
     angular_velocity: Vector | None = None  # body axes [rad/s]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Reader:
     """What reading needs: default units, what was read already, and where faults go.
 
@@ -117,6 +118,14 @@ class Reader:
                 kept.append((place, message, at))
         for place, message, at in kept:
             self.faults.add(place, message, at)
+
+    def name(self, element: Element) -> str:
+        """Return the name of a record, or the name in a part of it."""
+        return text(element.find("name"))
+
+    def is_known(self, body: str) -> bool:
+        """Return whether there is a body of that name."""
+        return body in self.context.axes
 
     def number(self, element: Element | None, quantity: str = "") -> float:
         """Return the value in SI, zero without element; numbers too large or too small to compute
@@ -209,9 +218,13 @@ class Reader:
             self.faults.add(orientation, message)
             return ZERO
         if rotation is None:
-            x, y, z = self.numbers(orientation, ("P1", "P2", "P3"))
-            return rescaled((x, y, z))
+            return self.rescaled(self.numbers(orientation, ("P1", "P2", "P3")))
         return self.rotation(rotation)
+
+    def rescaled(self, P: tuple[float, ...]) -> Vector:
+        """Return parameters within the ball |p| <= 4."""
+        x, y, z = P
+        return rescaled((x, y, z))
 
     def axes(self, orientation: Element | None) -> Matrix:
         """Return the rows x, y, z that the ``<orientation>`` of a part of a body gives."""

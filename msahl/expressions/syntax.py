@@ -15,10 +15,12 @@ words such as ``lambda`` and ``in`` that are good names, and warns of, or normal
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from itertools import islice
 from typing import Any, NoReturn, TypeAlias
+
+from msahl.records import record
 
 MAX_LENGTH = 10_000
 """Characters of an expression."""
@@ -83,7 +85,7 @@ RESERVED = frozenset((*FUNCTIONS, *CONSTANTS, "and", "or", "not", "t"))
 """Words that no parameter, signal, state or table may have as its name."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Number:
     """A number; ``column`` in the text from 1, as in all records."""
 
@@ -91,7 +93,7 @@ class Number:
     column: int = field(default=1, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Name:
     """The value called ``text``: ``L``, ``t``, or ``Crank.angle``, without quotes."""
 
@@ -119,7 +121,7 @@ class _Operation:
         return _rebuilt, (_flat(tree), [node.column for node in postorder(tree)])
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@record
 class Call(_Operation):
     """An operation: ``function`` is a key of ``FUNCTIONS`` or ``BINARY``, "not" or "negate".
 
@@ -132,7 +134,7 @@ class Call(_Operation):
     column: int = field(default=1, compare=False)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@record
 class Lookup(_Operation):
     """The value of the table called ``table`` at one or two ``arguments``."""
 
@@ -304,7 +306,7 @@ _INSTEAD = {
 """Remedies for signs that expressions do not have."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Token:
     """A piece of the text: ``kind`` is number, name, sign, word (and, or, not) or end."""
 

@@ -7,14 +7,12 @@ of an entry or unit are translated, it is linked to an object file.
 
 import atexit
 import json
-import os
 import queue
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 from msahl.jit.files import Files
@@ -23,7 +21,8 @@ from msahl.jit.object_file import Name, ObjectFile, Unit, name_of, types_of
 from msahl.jit.progress import CompileError, Listener, Progress
 from msahl.jit.reach import code_size, resolve
 from msahl.jit.worker import link, translate
-from msahl.subprocesses import command_of, environment
+from msahl.records import record
+from msahl.subprocesses import cores, end_worker, start_worker
 
 MOST_PROCESSES = 4
 """Number of processes that a model's kernels keep busy."""
@@ -34,7 +33,7 @@ TRANSLATION, LINKING = 1.2e-4, 1.6e-4
 are done."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Job:
     """Work for one process: to translate a function, or to link it with all that it calls."""
 
@@ -162,8 +161,7 @@ def _linking_time(name: Name) -> float:
 
 def processes() -> int:
     """Return the number of processes to compile in."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return max(1, min(MOST_PROCESSES, cores or 1))
+    return min(MOST_PROCESSES, cores())
 
 
 def build(
@@ -216,13 +214,7 @@ class _Team:
             self.answers.put((k, {"size": len(content)}, content))
             return
         if k not in self.workers:
-            process = subprocess.Popen(
-                command_of("msahl.jit.worker"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=environment(),
-                start_new_session=True,  # Ctrl-C is for the process that waits
-            )
+            process = start_worker("msahl.jit.worker")
             thread = threading.Thread(target=self._read, args=(k, process), daemon=True)
             self.workers[k] = process, thread
             thread.start()
@@ -235,13 +227,8 @@ class _Team:
     def end(self) -> None:
         """End all workers, whatever they are doing."""
         for process, thread in self.workers.values():
-            process.kill()
-            process.wait()
+            end_worker(process)
             thread.join()
-            for pipe in (process.stdin, process.stdout):
-                assert pipe is not None
-                with suppress(OSError):  # a request that nobody reads any more
-                    pipe.close()
 
     def _read(self, k: int, process: subprocess.Popen[bytes]) -> None:
         """Put the answers of a worker in the queue."""
@@ -288,10 +275,13 @@ def _workers() -> Iterator[_Team]:
     _team = team
 
 
-def _end_team() -> None:
-    if _team is not None:
-        _team.end()
+def end_team() -> None:
+    """End the workers of this process; the next build starts others."""
+    global _team
+    team, _team = _team, None
+    if team is not None:
+        team.end()
 
 
 _team: _Team | None = None
-atexit.register(_end_team)
+atexit.register(end_team)

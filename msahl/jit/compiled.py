@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from threading import Lock
 from typing import Any
 
-from msahl.jit.arguments import Blocks, describe, symbol_of
-from msahl.jit.files import Files, user_folder, version_of
+from msahl.jit.arguments import Blocks, Description, describe, symbol_of
+from msahl.jit.files import Files, source_table, user_folder, version_of
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
 from msahl.jit.progress import CompileError, Listener
@@ -29,10 +29,13 @@ NO_COMPILER = (
     "not installed; install it with: pip install numba"
 )
 
+Describe = Callable[[Any], Description]
 Call = tuple[Any, Sequence[Any]]
 """A compiled function and the arguments of a call."""
 
 STORE = Store(user_folder())
+LOADED: list[Unit] = []
+"""What was asked for in this process, and loaded or compiled."""
 _loaded: dict[str, ObjectFile] = {}
 _loading = Lock()
 """Code is loaded, or compiled, by one thread at a time: twice the same would be refused."""
@@ -64,7 +67,7 @@ class Compiled:
         block, enter = found
         return enter(block.address)
 
-    def unit(self, arguments: Sequence[Any]) -> Unit:
+    def unit(self, arguments: Sequence[Any], describe: Describe = describe) -> Unit:
         """Return the function's name with the types of the ``arguments``."""
         described = tuple(describe(argument) for argument in arguments)
         return self.function.__module__, self.function.__qualname__, described
@@ -116,8 +119,9 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
     The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so, and
     ``CompileError`` where there is no compiler.
     """
+    described = _describing_once()
     made = [
-        (function, given, function.unit(given))
+        (function, given, function.unit(given, described))
         for function, given in calls
         if isinstance(function, Compiled) and not function.is_ready(given)
     ]
@@ -132,8 +136,6 @@ def _loads(units: list[Unit], stopped: Callable[[], bool]) -> bool:
     """Load the code of ``units``; return whether they have code of ours."""
     if all(symbol_of(*unit) in _loaded for unit in units):
         return True
-    from msahl.jit.loading import load
-
     files = Files(STORE)
     found: dict[str, ObjectFile] = {}
     if not _collect(files, map(name_of, units), found):
@@ -143,9 +145,25 @@ def _loads(units: list[Unit], stopped: Callable[[], bool]) -> bool:
         _build(files, units, found, stopped)
         complete = _collect(files, map(name_of, units), found)
         assert complete, "a kernel was compiled, but not found"
+    _take(found)
+    LOADED.extend(units)
+    source_table().save()
+    return True
+
+
+def _take(found: dict[str, ObjectFile]) -> None:
+    from msahl.jit.loading import load
+
     load(code.code for code in found.values())
     _loaded.update(found)
-    return True
+
+
+def load_in_advance(names: Iterable[Name]) -> None:
+    """Load the code of kernels by their names, if it is on disk."""
+    found: dict[str, ObjectFile] = {}
+    with _loading:
+        if _collect(Files(STORE), names, found) and found:
+            _take(found)
 
 
 def on_disk(calls: Iterable[Call]) -> bool:
@@ -154,7 +172,23 @@ def on_disk(calls: Iterable[Call]) -> bool:
 
 
 def _units(calls: Iterable[Call]) -> list[Unit]:
-    return [function.unit(given) for function, given in calls if isinstance(function, Compiled)]
+    described = _describing_once()
+    compiled = (call for call in calls if isinstance(call[0], Compiled))
+    return [function.unit(given, described) for function, given in compiled]
+
+
+def _describing_once() -> Describe:
+    """Return ``describe``, which describes a group once, however many kernels take it."""
+    known: dict[int, tuple[Any, Description]] = {}  # by the identity of the groups, kept alive
+
+    def described(value: Any) -> Description:
+        if not isinstance(value, tuple):
+            return describe(value)
+        if id(value) not in known:
+            known[id(value)] = value, describe(value)
+        return known[id(value)][1]
+
+    return described
 
 
 def _collect(files: Files, wanted: Iterable[Name], found: dict[str, ObjectFile]) -> bool:

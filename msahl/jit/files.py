@@ -2,7 +2,7 @@
 
 The name of a file lists everything its content depends on: the kernel and its types of arguments,
 its sources (``reach``), the processor, and in the user's folder the compiler. Files of the package
-are made for two levels of x86-64 (``PORTABLE``), and can be loaded without any compiler.
+are made for a few levels of processors (``PORTABLE``), and can be loaded without any compiler.
 """
 
 import hashlib
@@ -13,25 +13,54 @@ from functools import cache, cached_property
 from importlib.util import find_spec
 from pathlib import Path
 
-import platformdirs
-
 from msahl.jit.kernel_store import HEAD, Store, digest_of
 from msahl.jit.object_file import Name, ObjectFile
 from msahl.jit.reach import PACKAGE, changed, own_digest, resolve, source_digest
+from msahl.jit.source_table import SourceTable
 
 LAYOUT = 3
 """Version of the format of object files."""
 SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT")
 """Variables of the environment that change what the compiler makes."""
 FEATURES_V3 = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
-PORTABLE = {"x86-64-v3": FEATURES_V3, "x86-64": ()}
-"""Processors that the files of a package are made for, the fastest first, and what they need."""
+X86, ARM = ("x86_64", "amd64"), ("aarch64", "arm64")
+
+
+def portable_levels(machine: str, system: str) -> dict[str, tuple[str, ...]]:
+    """Return the processors that the files of a package are made for, the fastest first, and what
+    they need; empty if there are none for such a machine.
+    """
+    if machine.lower() in X86:
+        return {"x86-64-v3": FEATURES_V3, "x86-64": ()}
+    if machine.lower() in ARM:
+        return {"apple-m1" if system == "darwin" else "generic": ()}
+    return {}
+
+
+PORTABLE = portable_levels(platform.machine(), sys.platform)
+"""The processors of this machine's platform."""
 
 
 def user_folder() -> Path:
     """Return the folder of the user's object files."""
     kept = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(kept or platformdirs.user_cache_dir("msahl", appauthor=False)) / "kernels"
+    return Path(kept or _cache_folder()) / "kernels"
+
+
+def _cache_folder() -> str:
+    """Return the program's folder for what can be made again, where the system has it.
+
+    ``platformdirs`` knows all systems. Its usual answer on Linux is given here: to import it takes
+    longer than to find and load the code of a model.
+    """
+    chosen, home = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME", "")
+    base = chosen if chosen is not None else f"{home.rstrip('/')}/.cache"
+    usual = sys.platform == "linux" and "ANDROID_DATA" not in os.environ
+    if usual and base.startswith("/") and (chosen or home.startswith("/")):
+        return f"{base}/msahl"
+    import platformdirs
+
+    return platformdirs.user_cache_dir("msahl", appauthor=False)
 
 
 class Files:
@@ -71,13 +100,13 @@ class Files:
 
     def _code_name(self, name: Name) -> str:
         module, function, symbol = name
-        return f"{symbol}-{_own_sources(module, function)}-{self._machine}.bc"
+        return f"{symbol}-{_own_sources(module, function)}-{self.machine}.bc"
 
     def _own_name(self, portable: str) -> str:
-        return f"{portable}-{self._machine}"
+        return f"{portable}-{self.machine}"
 
     @cached_property
-    def _machine(self) -> str:
+    def machine(self) -> str:
         """A short name for the compiler and the processor."""
         from llvmlite import binding as llvm
 
@@ -94,8 +123,14 @@ def portable_name(name: Name) -> str:
 
 
 @cache
+def source_table() -> SourceTable:
+    """Return the table of the digests of this process."""
+    return SourceTable(user_folder())
+
+
+@cache
 def _sources(module: str, name: str) -> str:
-    return source_digest(resolve(module, name))[:24]
+    return source_table().digest(module, name, lambda: source_digest(resolve(module, name)))[:24]
 
 
 @cache
@@ -124,22 +159,22 @@ def version_of(package: str) -> str:
 @cache
 def packaged_folder() -> Path | None:
     """Return the folder of the package's files for this processor; None if there is none."""
-    if platform.machine().lower() not in ("x86_64", "amd64") or not sys.platform.startswith(
-        "linux"
-    ):
-        return None
     folder = PACKAGE / "kernels"
     if not folder.is_dir():
         return None
+    return next((folder / level for level in _fitting() if (folder / level).is_dir()), None)
+
+
+def level_of_machine() -> str:
+    """Return the fastest of ``PORTABLE`` that this machine is."""
+    return _fitting()[0]
+
+
+def _fitting() -> list[str]:
     from llvmlite import binding as llvm
 
     found = llvm.get_host_cpu_features()
-    fitting = (
-        folder / level
-        for level, features in PORTABLE.items()
-        if all(found.get(feature) for feature in features)
-    )
-    return next((path for path in fitting if path.is_dir()), None)
+    return [level for level, needed in PORTABLE.items() if all(map(found.get, needed))]
 
 
 def _packaged(name: str) -> bytes | None:

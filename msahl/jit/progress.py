@@ -1,15 +1,16 @@
 """The progress of compiling, and its failure."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
+
+from msahl.records import record
 
 
 class CompileError(RuntimeError):
     """Kernels that cannot be compiled."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Progress:
     """How far compiling is: parts done and known, the names of those in work, time left [s]."""
 

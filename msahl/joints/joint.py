@@ -8,19 +8,19 @@ Analysis of Mechanical Systems (1988), chapter 7, for equations of this form.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from msahl.algebra.vector import IDENTITY, Vector, scale
 from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
 from msahl.model.joints import Joint
+from msahl.records import record
 
 X, Y, Z = range(3)
 PARENT, CHILD, GROUND = "parent", "child", "ground"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Product:
     """A scalar product between the joint's points; ``n`` is fixed in ``owner``, ``e`` in the child.
 
@@ -34,7 +34,7 @@ class Product:
     up: Vector | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Coordinate:
     """A coordinate between parent and child, of some products; ``angular`` if it is in radians."""
 
@@ -44,7 +44,7 @@ class Coordinate:
     radius: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Equation:
     """A constraint equation: ``first`` + ``coefficient`` ``second`` = ``value``; None is its value
     at t = 0.
@@ -67,7 +67,7 @@ class TreeAxis(NamedTuple):
     owner: str = PARENT  # in whose frame it is fixed
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Coincide:
     """The joint's two points are one."""
 
@@ -75,7 +75,7 @@ class Coincide:
 Equations = list[Coincide | Equation]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Kind:
     """A kind of joint.
 

@@ -11,9 +11,8 @@ Strains are those of Reissner's and Simo's beam, in the axes d_i, less those of 
     Gamma_2, Gamma_3   shears             kappa_2, kappa_3   bendings about d_2, d_3   [1/m]
 """
 
-from dataclasses import dataclass
-
 from msahl.algebra.vector import Vector
+from msahl.records import record
 
 HIGHEST_DEGREE = 8
 """Of elements, as the schema of decks has it."""
@@ -24,7 +23,7 @@ Six = tuple[float, float, float, float, float, float]
 Compliance = tuple[Six, Six, Six, Six, Six, Six]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Beam:
     """A beam through the rigid bodies ``nodes``, named in their order along it.
 
@@ -51,7 +50,7 @@ def is_damped(beam: Beam) -> bool:
     return any(beam.damping)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Section:
     """A cross-section: its compliance, and its mass by length.
 

@@ -1,18 +1,17 @@
 """Records of bodies and grounds, in SI units."""
 
-from dataclasses import dataclass
-
 from msahl.algebra.vector import Matrix, Vector
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Ground:
     """A name of the inertial frame; a model may have several."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RigidBody:
     """A rigid body with axes of its own at its reference point B.
 

@@ -8,12 +8,11 @@ Coordinates count from t = 0. The joints' parents may be any bodies. The one mul
 coupling is the load along the second joint's coordinate.
 """
 
-from dataclasses import dataclass
-
 from msahl.algebra.functions import Law
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Coupling:
     """``first`` and ``second`` name joints; ``ratio`` is a gear's ratio or a pinion's radius [m],
     ``lift`` a cam's lift [m] over its angle [rad], periodic."""

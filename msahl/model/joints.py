@@ -1,11 +1,10 @@
 """Records of joints, in SI units; ``msahl.joints`` has the equations of each kind."""
 
-from dataclasses import dataclass
-
 from msahl.algebra.vector import IDENTITY, Matrix, Vector
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Joint:
     """A joint of a ``kind`` between two bodies, ``parent`` and ``child``, by name.
 

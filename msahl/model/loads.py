@@ -1,13 +1,12 @@
 """Records of loads; ``msahl.laws`` and ``msahl.ports`` have their equations."""
 
-from dataclasses import dataclass
-
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import Matrix, Vector
 from msahl.expressions.syntax import Tree
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ConcentratedLoad:
     """``point`` [m] from B in the body's axes; ``force`` [N] and ``moment`` [N m] have constant
     components in the axes of the bodies (or grounds) named by ``force_basis`` and
@@ -26,7 +25,7 @@ class ConcentratedLoad:
     expression: Tree | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SpringDamper:
     """Between two points [m] (from each body's B, its axes): tension ``preload`` + ``stiffness``
     (length - ``free_length``) [N], or ``table`` over length, and ``damping`` [N s/m] times the
@@ -46,7 +45,7 @@ class SpringDamper:
     compliance: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JointSpring:
     """Spring-damper along the ``coordinate`` of ``joint``: units of N, m or N m, rad. The spring is
     unloaded at ``free``, counted from t = 0. With ``compliance`` its load is an unknown of
@@ -63,7 +62,7 @@ class JointSpring:
     compliance: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Bushing:
     """Stiffness and damping of three displacements of the child's point along the parent's frame
     and of three small rotations about it: N/m and N m/rad in that order. All are zero at t = 0, or,
@@ -83,7 +82,7 @@ class Bushing:
     compliance: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PointLoad:
     """Force at a ``point`` [m] (from B, body axes) of a body by a ``law`` of ``msahl.laws``, for
     example drag; ``parameters`` are the law's fields by name, in SI."""
@@ -95,7 +94,7 @@ class PointLoad:
     parameters: tuple[tuple[str, float], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JointLoad:
     """Force along the ``coordinate`` of ``joint`` by a ``law`` of ``msahl.laws``, for example
     friction. ``parameters`` are the law's fields by name, in SI."""
@@ -107,7 +106,7 @@ class JointLoad:
     parameters: tuple[tuple[str, float], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JointActuator:
     """Actuator along the ``coordinate`` of ``joint``: its load, equal and opposite on both bodies,
     is an ``expression`` of the motion [N or N m], positive where the coordinate increases."""
@@ -118,7 +117,7 @@ class JointActuator:
     expression: Tree
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MarkerActuator:
     """Actuator between two markers, by name: a force along the line through them, equal and
     opposite, is an ``expression`` of the motion [N]; a positive one pushes them apart."""

@@ -1,11 +1,10 @@
 """Records of markers and of what is derived from them, and of groups of bodies."""
 
-from dataclasses import dataclass
-
 from msahl.algebra.vector import IDENTITY, Matrix, Vector
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Marker:
     """A ``point`` [m] of a ``body`` or ground, by name, from its B in its own axes; ``axes`` are
     the marker's x, y, z as rows, in the axes of the body. ``basis`` names the body or ground in
@@ -19,7 +18,7 @@ class Marker:
     basis: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MarkerDistance:
     """The distance of two markers, by name."""
 
@@ -28,7 +27,7 @@ class MarkerDistance:
     end: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MarkerAngle:
     """The angle at the marker ``vertex`` between the directions to two others, from 0 to pi."""
 
@@ -38,7 +37,7 @@ class MarkerAngle:
     end: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Group:
     """``bodies`` by name whose mass centre, momentum and energy are written; () stands for all."""
 

@@ -5,7 +5,7 @@ of every ground; B, a body's own axes at its reference point B.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msahl.algebra.vector import Vector
 from msahl.model.beams import Beam
@@ -18,9 +18,10 @@ from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
 from msahl.model.shapes import BeamShape, Shape
 from msahl.model.signals import AnySignal, Stop
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Model:
     """A complete deck.
 

@@ -5,8 +5,6 @@
 the program reads ``RunSettings`` and does not decode ``Simulation`` itself.
 """
 
-from dataclasses import dataclass
-
 from msahl.model.scheme import (
     AUTO,
     AUTO_FAMILY,
@@ -21,6 +19,7 @@ from msahl.model.scheme import (
     Decay,
     decaying,
 )
+from msahl.records import record
 
 MEAN, INSTANTANEOUS = "mean", "instantaneous"
 """Published reactions: means over the step before an output time, or those at that time."""
@@ -38,7 +37,7 @@ SOLVERS = ("auto", "newton", "root")
 """Compiled Newton iteration, scipy.optimize.root, or Newton with root for the steps it fails on."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Limits:
     """Limits that the deck sets for the verdict; None leaves the default of ``run.verdict``.
 
@@ -51,7 +50,7 @@ class Limits:
     violation: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Simulation:
     """What the deck says about its run.
 
@@ -82,7 +81,7 @@ class Simulation:
     start: str = GIVEN
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Options:
     """What the user chose beside the deck.
 
@@ -97,7 +96,7 @@ class Options:
     error: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RunSettings:
     """How a run is made, with every default filled in."""
 

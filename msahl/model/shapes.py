@@ -1,8 +1,7 @@
 """Records of shapes: what bodies and grounds look like. They are no part of the physics."""
 
-from dataclasses import dataclass
-
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
+from msahl.records import record
 
 SIZES = {
     "box": ("x", "y", "z"),
@@ -18,7 +17,7 @@ SIZES = {
 Points = tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class BeamShape:
     """What a ``beam`` looks like, by name: outlines (y, z) [m] of its section at both ends, in the
     axes d_2, d_3, with equally many corners; ``colour`` is #rrggbb, "" for one of the view's."""
@@ -29,7 +28,7 @@ class BeamShape:
     colour: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Shape:
     """A shape of a ``body`` or ground, by name, fixed in its axes.
 

@@ -5,16 +5,16 @@ An expression names ``t`` [s], signals and states, values of joints and markers 
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 from msahl.algebra.functions import Law
 from msahl.algebra.surfaces import Surface
 from msahl.expressions.syntax import Name, Tree, postorder
+from msahl.records import record
 
 TIME = "t"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Signal:
     """An ``expression`` of the motion under a name, which others may use. ``unit`` is the SI unit
     that its deck states, empty if it states none."""
@@ -24,7 +24,7 @@ class Signal:
     unit: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SignalState:
     """An auxiliary state: it begins at ``initial``, and its ``rate`` is an expression [1/s].
     ``unit`` is that of a ``Signal``."""
@@ -35,7 +35,7 @@ class SignalState:
     unit: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SignalTable:
     """A ``table`` of one or two variables, which expressions call like a function."""
 
@@ -43,7 +43,7 @@ class SignalTable:
     table: Law | Surface
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stop:
     """The run ends where ``expression`` becomes positive: the margin of a ``condition`` in words
     (``expressions.conditions``)."""

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from msahl.post.page.blocks import as_html
 from msahl.post.page.drawing import as_picture
 from msahl.post.table import Column, Table
 from msahl.printable import shown_path
+from msahl.records import record
 from msahl.results.read import ResultError, read_table
 from msahl.results.write import replace_file
 
@@ -32,7 +32,7 @@ GREY = "#888888"
 WHIRL = {1: "forward", -1: "backward", 0: ""}
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Diagram:
     """Modes over a parameter: ``rows`` (r, 8) and ``critical`` (c, 8) as in the tables."""
 

@@ -8,7 +8,6 @@ p and -16 p/(p.p) describe the same orientation; near rotations by 180 degrees r
 decide between them, so the set nearer to the reference's is compared.
 """
 
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import pandas as pd
 
 from msahl.post.tolerance import Tolerance
 from msahl.printable import shown_path
+from msahl.records import record
 from msahl.results.folder import find
 from msahl.results.info import ResultError, read_info
 from msahl.results.read import check_rows, read_table, wrong_count
@@ -35,7 +35,7 @@ OBSERVED = (
 """Tables that are compared if both folders have them; they follow from the states."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Difference:
     """A difference: time [s] and column, both values, and the accepted absolute difference."""
 
@@ -52,7 +52,7 @@ class Difference:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Comparison:
     """Result for one table: ``first`` and ``worst`` (by |a - b| over tolerance) difference.
 

@@ -5,15 +5,15 @@ The same blocks make a page (``page.blocks``); ``page.files`` writes both.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from msahl.post.graph_data import Group
 from msahl.post.table import Table
 from msahl.printable import printable
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Heading:
     """``level`` 1 is the document's title, which may have a ``line`` below it."""
 
@@ -22,28 +22,28 @@ class Heading:
     line: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Paragraph:
     """Plain text."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Code:
     """A line to copy, such as a command."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Items:
     """A list; each item has a term (may be empty) and a text."""
 
     items: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Picture:
     """A PNG picture with the ``name`` of its file and its caption; ``svg`` is the same picture for
     a page, in whose colours it is drawn (``post.page.drawing``), if there is one."""
@@ -54,7 +54,7 @@ class Picture:
     svg: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Folded:
     """Blocks that are shown after a click on the ``title``; in Markdown a section."""
 
@@ -62,7 +62,7 @@ class Folded:
     blocks: tuple["Block", ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Banner:
     """What a reader must see first, in the colour of a verdict ``word`` ("" for none): a sentence
     behind the word (may be empty), and blocks."""
@@ -72,7 +72,7 @@ class Banner:
     blocks: tuple["Block", ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Graphs:
     """Groups of graphs: interactive in a page; in Markdown pictures, below the ``heading``."""
 
@@ -80,7 +80,7 @@ class Graphs:
     groups: tuple[Group, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class OnPage:
     """``part`` of a page (``page.parts.Part``), in whose place Markdown has ``blocks``."""
 

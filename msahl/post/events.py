@@ -7,13 +7,13 @@ were.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from sys import float_info
 
 import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
 
 from msahl.post.table import Cell, Column, Table
+from msahl.records import record
 from msahl.results.read import ResultError, Run
 
 DEGREES = (5, 3)
@@ -26,7 +26,7 @@ ROUND_OFF = 64.0 * float_info.epsilon
 """Rounding error of a column, as a fraction of its largest value."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Event:
     """At ``time`` [s] +- ``uncertainty`` [s] the column has this ``value`` and ``slope`` (time
     derivative); ``uncertainty`` is None if the coarser spline has no such event nearby.

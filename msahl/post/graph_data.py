@@ -3,9 +3,9 @@
 A page draws them by uPlot (``page.graphs``), a picture by matplotlib (``draw.draw_group``).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
+
+from msahl.records import record
 
 INTERVALS = 600
 """Intervals of which a long series keeps the least and the largest value: about one for each pixel
@@ -17,7 +17,7 @@ MOST_DECADES = 8
 """Decades of a logarithmic scale; products of rounding errors would extend it much further down."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Graph:
     """Curves over one abscissa: ``x`` (m,), and name and values (m,) of each curve.
 
@@ -33,7 +33,7 @@ class Graph:
     broken: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Group:
     """Graphs under one heading; graphs with the same curves share a legend. ``name`` is that of the
     picture's file."""

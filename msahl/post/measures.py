@@ -18,13 +18,13 @@ Columns are those of all tables of ``msahl run``.
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from msahl.model import Model
 from msahl.printable import printable
+from msahl.records import record
 from msahl.run.column_units import quantity
 from msahl.run.report import Report, camel_case
 from msahl.run.tables import ERROR, error_columns, tables_of_model
@@ -94,7 +94,7 @@ class MeasureError(ValueError):
         self.faults = faults
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Measure:
     """A measure: its ``text``, its ``kind`` (a statistic, "at", "time of", or a figure), its column
     and the number that belongs to "at" [s] and "time of"."""

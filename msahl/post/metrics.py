@@ -11,8 +11,6 @@ and so measures the energy that the joint exchanges between translation and rota
 numbers: Hainge 2010.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from msahl.joints.registry import KINDS
@@ -20,6 +18,7 @@ from msahl.model import JointMotion, Model
 from msahl.model.couplings import COORDINATES
 from msahl.post.replay import History, observe
 from msahl.post.virtual import child_work, joints_of, reaction_work
+from msahl.records import record
 from msahl.results.read import Run
 from msahl.system.names import FORCE_COLUMNS, MOMENT_COLUMNS, workers
 
@@ -27,7 +26,7 @@ ROUND_OFF = 1e-12
 """If |E(1)| is below this fraction of the largest energy in the run, it is zero up to rounding."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Statistics:
     """Root mean square, mean, and largest absolute value of a series."""
 
@@ -51,7 +50,7 @@ class Statistics:
         return None if not size else Statistics(self.rms / size, self.mean / size, self.max / size)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Energy:
     """Energies [J] of n bodies at m output times, arrays (m, n); ``time`` [s], ``work`` of loads
     and motions [J] and ``elastic`` energy of springs and beams [J] (m,)."""
@@ -120,7 +119,7 @@ class Energy:
         return self.absolute_error.over(self.largest_kinetic)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoadWork:
     """``work`` since t = 0 and ``elastic`` energy [J] of w loads and motions, arrays (m, w); the
     elastic energy is nan for an element that stores none."""
@@ -130,7 +129,7 @@ class LoadWork:
     elastic: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JointWork:
     """Virtual work [J] of k joints over each of m - 1 steps; arrays (m - 1, k).
 
@@ -146,7 +145,7 @@ class JointWork:
     reaction: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Constraints:
     """Norms of the constraint violation of e joints, couplings and motions at ``time`` [s].
 
@@ -164,7 +163,7 @@ class Constraints:
     speed: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Reactions:
     """Published reactions of e joints, couplings and motions; nan where an element has none.
 
@@ -180,7 +179,7 @@ class Reactions:
     not_unique: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Metrics:
     """All metrics of a run. ``work`` is ``None`` if not every step's mean reactions were written.
 

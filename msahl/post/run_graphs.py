@@ -4,7 +4,6 @@ There is one group of each kind. A group without graphs has the reason in its no
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from msahl.post.defined_graphs import (
 )
 from msahl.post.graph_data import Graph, Group
 from msahl.post.metrics import Metrics
+from msahl.records import record
 from msahl.results.read import ResultError, Run
 from msahl.run.tables import JOINTS
 
@@ -28,7 +28,7 @@ NEGLIGIBLE = 1e-9
 Curves = tuple[tuple[str, np.ndarray], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Choice:
     """What to draw: a ``plane`` (two of x, y, z; empty: the one with the widest paths), and the
     names of ``bodies`` (empty: all; of a beam its node that moves farthest) and ``joints`` (empty:

@@ -4,12 +4,13 @@ import csv
 import io
 import json
 import math
-from dataclasses import dataclass
+
+from msahl.records import record
 
 Cell = str | int | float | None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Column:
     """A column of a table: ``key`` is its header in CSV and JSON, ``label`` (with unit) elsewhere.
 
@@ -30,7 +31,7 @@ class Column:
         return cell if isinstance(cell, str) else format(cell, self.form)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Table:
     """Columns and rows; ``None`` is a value that is undefined or not available."""
 

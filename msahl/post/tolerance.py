@@ -1,7 +1,8 @@
 """Define when two numbers are equal within a tolerance."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from msahl.records import record
 
 if TYPE_CHECKING:
     import numpy as np
@@ -11,7 +12,7 @@ RTOL, ATOL = 1e-9, 1e-12
 discretisation error."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Tolerance:
     """Numbers a and b (b of the reference) are equal if |a - b| <= ``atol`` + ``rtol`` |b|."""
 

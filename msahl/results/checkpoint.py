@@ -9,13 +9,13 @@ on. So there is a complete one at any moment, and the tables are as long as it s
 import json
 import os
 import zlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from msahl.printable import shown_path
+from msahl.records import record
 from msahl.results.info import ResultError, read_info
 from msahl.results.write import CHECKPOINT, INFO, PART, create, file_name, write_all
 from msahl.run.snapshot import ResumeError, Snapshot
@@ -29,7 +29,7 @@ VERSIONS = ("msahl", "python", "numba", "numpy", "scipy")
 """Software that a resumed run must share with the interrupted one."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Checkpoint:
     """Where a run was interrupted: ``ends`` are the valid bytes of its tables, by file name."""
 

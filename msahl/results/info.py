@@ -4,13 +4,13 @@ Fields that are not listed here may hold anything.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import orjson
 
 from msahl.printable import printable, shown_path
+from msahl.records import record
 from msahl.results.folder import find
 from msahl.results.write import INFO
 from msahl.run.verdict import WORDS
@@ -33,7 +33,7 @@ class NoColumnError(ResultError, KeyError):
         return str(self.args[0])
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Leaf:
     """A value without parts: its ``name`` in messages, and a test of it."""
 
@@ -41,7 +41,7 @@ class Leaf:
     fits: Callable[[Any], bool]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Many:
     """A list, or an object with any keys (``container``), whose values have one shape."""
 
@@ -49,7 +49,7 @@ class Many:
     of: "Shape"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fields:
     """An object: shapes of some of its keys, and those that are ``required``."""
 

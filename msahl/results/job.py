@@ -3,7 +3,6 @@
 import os
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from msahl.deck import Source, deck_digest, listed_parameters
 from msahl.jit.files import version_of
 from msahl.model import Model, Options, RunSettings, resolve
+from msahl.records import record
 from msahl.results.folder import relative
 from msahl.run.options import (
     deck_changes,
@@ -25,7 +25,7 @@ PACKAGES = ("numba", "numpy", "scipy")
 """Packages whose versions ``run.json`` records; numba may be missing."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Job:
     """A run to be made of the deck ``source``: its ``model`` with the options ``given`` by name and
     the ``changed`` numbers of the deck, such as ``L=80 cm``.

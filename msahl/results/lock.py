@@ -1,6 +1,7 @@
 """Locks a folder of results, so that one run at a time writes into it.
 
-The operating system locks the folder itself, so a killed process leaves no lock behind.
+The operating system locks the folder itself, so a killed process leaves no lock behind. Windows
+cannot open a folder: there an empty file ``.lock`` in it is locked, which stays.
 """
 
 import json
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from msahl.locks import lock
 from msahl.results.folder import INCOMPLETE
 from msahl.results.write import INFO, PART
 
@@ -23,29 +25,26 @@ def locked(folder: Path, shared: bool = False) -> Iterator[None]:
     that are not.
 
     Raises ``FolderInUseError``, and ``OSError`` if it cannot be created. There is no lock where
-    the operating system or the file system has none.
+    the file system has none.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    descriptor = _opened(folder)
     try:
-        import fcntl
-    except ImportError:  # not a Unix
-        yield
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
-            fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not lock(descriptor, shared):
             raise FolderInUseError(
                 f"{folder}: {_owner(folder)} is writing a run there; wait for its end, stop it, or "
                 "choose another folder with -o"
-            ) from None
-        except OSError:  # a network file system that cannot lock a folder
-            pass
+            )
         yield
     finally:
         os.close(descriptor)
+
+
+def _opened(folder: Path) -> int:
+    """Return a descriptor of what is locked."""
+    if os.name == "nt":
+        return os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+    return os.open(folder, os.O_RDONLY)
 
 
 def _owner(folder: Path) -> str:

@@ -1,7 +1,7 @@
 """Reads a run's folder: the model that was run, its tables and its ``run.json``."""
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import chain
 from pathlib import Path
 from typing import Any, TextIO
@@ -12,6 +12,7 @@ import pandas as pd
 from msahl.deck import read_deck
 from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
+from msahl.records import record
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, DRIVES, PART, file_name
@@ -26,7 +27,7 @@ SAME_TIME = 1e-9
 """Largest difference of the last time from the end of the run, relative to it."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Run:
     """One run as it was read. Tables have the columns of ``system.names``; rows share ``time``."""
 

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.printable import shown_path
+from msahl.records import record
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.read import (
     Run,
@@ -27,7 +27,7 @@ BLOCK = 1 << 22
 NEWLINE = 10
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Sample:
     """Rows of a run's tables at the same times.
 

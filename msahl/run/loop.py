@@ -6,7 +6,7 @@ Requests to stop are honoured between chunks, so every row on disk is an accepte
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from msahl.events.search import Event, NoStep
 from msahl.jit.compiled import prepare, trouble
 from msahl.model import Model, Options, resolve
 from msahl.model.settings import EQUILIBRIUM
+from msahl.records import record
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
@@ -51,7 +52,7 @@ SAVE_SHARE = 0.01
 """Largest fraction of the run's time that saving may take: on a slow disk it is done less often."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Hooks:
     """Functions that a run calls.
 

@@ -9,7 +9,7 @@ and a field of the same name to ``Simulation`` or ``Options`` and to ``RunSettin
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from numbers import Integral, Real
 from os import fspath
 from pathlib import Path
@@ -20,13 +20,14 @@ from msahl.expressions.syntax import nearest
 from msahl.model import INSTANTANEOUS, MEAN, Model, Options, RunSettings, Simulation, resolve
 from msahl.model.scheme import CAYLEY, DAMPING, EXPONENTIAL, TOLERANCE, choices, split
 from msahl.model.settings import ACCELERATIONS, ERRORS, JOINT_TABLES, LOCAL, OFF, SOLVERS
+from msahl.records import record
 from msahl.run.report import camel_case
 from msahl.run.tables import MOST_JOINTS
 
 MOST_EVERY = 10**9
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Number:
     """A finite number, within a range if one is given; ``unit`` stands for it in the help."""
 
@@ -36,7 +37,7 @@ class Number:
     positive: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Integer:
     """An integer within a range."""
 
@@ -44,19 +45,19 @@ class Integer:
     most: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Choice:
     """One of some words."""
 
     words: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Flag:
     """Given or not."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Option:
     """One option of a run.
 

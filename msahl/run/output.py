@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from msahl.model import Model
+from msahl.records import record
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import COLUMNS, column_counts
 from msahl.run.time_grid import TimeGrid
@@ -21,7 +22,7 @@ CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the model and the run."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class OutputTimes:
     """The output times of a run: every ``every``-th of the grid ``shown``, and the last one.
 

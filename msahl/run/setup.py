@@ -1,12 +1,12 @@
 """The parts of a run, built from the model: subsystems, output times, step plan, error estimate."""
 
 import time
-from dataclasses import dataclass
 
 from msahl.jit.compiled import Call
 from msahl.jit.storage import Storages
 from msahl.model import Model, RunSettings
 from msahl.model.settings import ESTIMATE, LOCAL, OFF
+from msahl.records import record
 from msahl.run.attempts import KNOWN_NUMBERS, Attempts
 from msahl.run.companion import Companion, choose_companion
 from msahl.run.error_estimate import ErrorEstimate
@@ -26,7 +26,7 @@ STORAGES = Storages((System, Unknowns))
 """Arrays of the runs of this process that have ended."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class RunSetup:
     """What a run consists of. ``attempts`` are the runs to a global tolerance, if there is one."""
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from msahl.records import record
 from msahl.run.subsystem import SubsystemIntegrator
 
 
@@ -19,7 +20,7 @@ class ResumeError(Exception):
     """A run that cannot be resumed; the message names the reason and the remedy."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Snapshot:
     """A run between two steps.
 

@@ -20,7 +20,7 @@ from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.stepper import Advance, Chunk, Stepper
-from msahl.start.positions import assemble
+from msahl.start.positions import assemble, close_rounded
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
 from msahl.system import evaluate
@@ -112,6 +112,8 @@ class SubsystemIntegrator:
         """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
+        if self.moved is None:
+            close_rounded(system, state)
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
         work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)

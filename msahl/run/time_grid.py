@@ -1,18 +1,19 @@
 """Times of the steps of a run, and its output times: equal intervals from 0 to the end."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from msahl.model import Simulation
+from msahl.records import record
 
 SHORTEST = 1e-3
 """Shortest last interval of a grid that is cut, as a fraction of the others: forces are means over
 a step, and the round-off in them grows as the step becomes shorter."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TimeGrid:
     """``n`` intervals of size ``h`` [s] up to ``t_final`` [s].
 

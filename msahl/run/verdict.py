@@ -8,12 +8,12 @@ global error was estimated and is small. A run whose error was not estimated is 
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from sys import float_info
 from typing import Any, NamedTuple
 
 from msahl.model import Limits
 from msahl.model.beams import HIGHEST_DEGREE
+from msahl.records import record
 from msahl.run.signal_errors import SIGNAL, STATE
 
 PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
@@ -76,7 +76,7 @@ class Finding(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Verdict:
     """All findings; the worst of them is the word."""
 
@@ -99,7 +99,7 @@ class Verdict:
         return {"word": self.word, "reasons": self.reasons, "checks": checks}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Figures:
     """What a run is judged by. Lengths in m, speeds in m/s, energies in J, times in s.
 
@@ -240,6 +240,8 @@ def _energy_limits_between_steps(figures: Figures) -> tuple[float, float]:
         return ERROR, ERROR_FAIL
     rotation = figures.length * figures.extreme("rotationPerStepMax")
     size = min(figures.length, max(figures.extreme("displacementMax"), rotation))
+    if 0.0 < size <= float(asked):
+        return math.inf, math.inf  # nothing of such a motion was asked for
     allowed = ERROR_FAIL if size == 0.0 else min(WARN_FACTOR * float(asked) / size, ERROR_FAIL)
     limit = max(ENERGY, allowed)
     return limit, max(ERROR_FAIL, WARN_FACTOR * limit)

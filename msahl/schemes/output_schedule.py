@@ -1,14 +1,14 @@
 """Assigns output times to the steps of a chunk: which rows of the tables each step has to fill."""
 
-from dataclasses import dataclass
-
 import numpy as np
+
+from msahl.records import record
 
 ROUND_OFF = 1e-9
 """Fraction of a step within which an output time counts as the end of that step."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class OutputSchedule:
     """Output rows of a chunk of steps, in the order of time.
 

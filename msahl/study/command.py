@@ -6,11 +6,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from msahl.records import record
 from msahl.results.read import ResultError, read_run
 from msahl.run.options import command_words
 from msahl.study.errors import compute_state_errors
@@ -18,10 +18,10 @@ from msahl.study.plan import Plan
 from msahl.study.reference import Reference
 from msahl.study.runs import Case, with_case
 
-ENTRY = "from msahl.cli.main import main; main()"
+ENTRY = "from msahl.cli.start import main; main()"
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Command:
     """A run by the command ``line``: seconds of the complete command and of its time loop, and the
     largest error of the studied metric.

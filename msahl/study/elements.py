@@ -10,7 +10,6 @@ deck names; and at all other bodies.
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from msahl.deck.finer_beams import RefinementError, more_elements
 from msahl.deck.source import Source
 from msahl.model import Model, Options
 from msahl.model.settings import OFF
+from msahl.records import record
 from msahl.results.job import make_job
 from msahl.results.read import ResultError
 from msahl.run import loop
@@ -31,7 +31,7 @@ FACTORS = (1, 2, 4)
 """Numbers of elements, relative to the deck's."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class SpaceError:
     """Numbers of ``elements`` of all beams together in each run, the largest ``changes`` of a
     position from each run to the next [m], their ``order``, and the ``error`` [m] of the run with

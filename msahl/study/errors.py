@@ -13,13 +13,13 @@ them, evenly spread) up to the horizon of the reference; those of the invariants
 times.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from msahl.algebra.rotation_arrays import angles, rotations
 from msahl.post.metrics import Metrics, Statistics, compute_metrics
+from msahl.records import record
 from msahl.results.read import Run
 from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
@@ -32,7 +32,7 @@ METRES = 0
 """Index of the constraint violations in metres; index 1 has those in radians."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ErrorMetric:
     """A kind of error: its ``key`` in CSV, its name and unit, and whether it needs a reference."""
 

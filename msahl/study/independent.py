@@ -13,7 +13,6 @@ import math
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from msahl.events.expressions import NO_TIMES, known_to
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import working_clock
 from msahl.model import Model
+from msahl.records import record
 from msahl.results.read import ResultError
 from msahl.study import reference_cache
 from msahl.study.breakpoints import breakpoints, longest_step
@@ -59,7 +59,7 @@ class TooSlowError(Exception):
     solution: "Solution"
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Solution:
     """States as polynomials: ``ends`` (k + 1,) of the steps [s], ``values`` (k, 8, ...)."""
 
@@ -80,7 +80,7 @@ class Solution:
         return np.asarray(np.einsum("mi,min->mn", weights, self.values[step]))
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class IndependentReference:
     """A solution, the time [s] up to which it is trusted, and the ``error`` of positions [m]."""
 

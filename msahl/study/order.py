@@ -7,10 +7,11 @@ least-squares fit.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtrit
+
+from msahl.records import record
 
 AGREE = 0.15
 """Largest difference of a slope from the fit of its range."""
@@ -21,7 +22,7 @@ FLAT = 1e-9
 """Largest error, in the SI unit of the metric, that rounding errors of many steps explain."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fit:
     """``order`` +- ``uncertainty`` and ``constant`` C over steps ``finest`` to ``coarsest`` [s]."""
 

@@ -1,9 +1,8 @@
 """Define the task of a study and the record of one of its runs."""
 
-from dataclasses import dataclass
-
 from msahl.model import Model
 from msahl.model.scheme import choices
+from msahl.records import record
 from msahl.study.errors import STATE_KEYS, Errors
 from msahl.study.runs import Trial
 
@@ -13,7 +12,7 @@ BUDGET = 10.0
 """Default time that a study may take [s]."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Plan:
     """What to study. ``target`` is the largest accepted value of the error ``metric``, in its unit.
 
@@ -46,7 +45,7 @@ class Plan:
         return self.schemes or choices()
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class StudyRun:
     """A run of a study with its errors.
 

@@ -5,7 +5,6 @@
 after it only the invariants of a chaotic motion are known.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from msahl.deck import DeckError
 from msahl.model import Model
+from msahl.records import record
 from msahl.results.read import ResultError, Run, read_run
 from msahl.study.dynamics import Dynamics
 
@@ -48,7 +48,7 @@ def position_differences(table: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt((difference**2).sum(axis=2)).max(axis=1))
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class TableReference:
     """States at the output times of a run, and at no others; forces computed from the states."""
 

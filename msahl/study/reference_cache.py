@@ -8,7 +8,7 @@ again.
 import hashlib
 import io
 import zipfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +16,13 @@ import platformdirs
 
 from msahl.jit.kernel_store import Store
 from msahl.model import Model, Simulation
+from msahl.records import record
 
 FORM = "5"
 """Version of the format of a file; to be increased when the meaning of its content changes."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class CachedSolution:
     """``ends`` and ``values`` of a solution's polynomials, its horizon [s], and the difference from
     a coarser solution [m].

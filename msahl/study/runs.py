@@ -6,7 +6,7 @@ interleaved, so that a busy moment of the machine disturbs all of them alike.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ import pandas as pd
 from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, split
 from msahl.model.settings import ESTIMATE, OFF
+from msahl.records import record
 from msahl.results.read import Run
 from msahl.run.loop import Hooks, run
 from msahl.run.report import Report
@@ -40,7 +41,7 @@ class Case(NamedTuple):
         return self.scheme == AUTO
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Trial:
     """A run and its time: ``seconds`` of the time loop, the least of its repeats."""
 

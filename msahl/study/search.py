@@ -16,6 +16,7 @@ import numpy as np
 
 from msahl.jit.compiled import STOPWATCH, working_clock
 from msahl.model.scheme import AUTO, AUTO_FAMILY, COLLOCATION, DEGREE, split
+from msahl.records import record
 from msahl.results.read import Run
 from msahl.run.report import Report
 from msahl.study.dynamics import Dynamics
@@ -81,7 +82,7 @@ class Curve:
         return Case(self.scheme, float(f"1e{k}") if self.scheme == AUTO else series_value(k))
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Observer:
     """Callbacks of a study: ``stopped`` returns whether the user has stopped it, ``report`` takes a
     line on a finished curve, ``progress`` the name of the last run.

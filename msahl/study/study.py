@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from msahl.jit.compiled import working_clock
 from msahl.model import resolve
 from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
+from msahl.records import record
 from msahl.study.command import Command, command_arguments
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
@@ -30,7 +31,7 @@ OF_CURVES, OF_RUNS = 0.75, 0.9
 """Fractions of the time for runs after which no curve is continued, and no run is made."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Study:
     """The results of a study; if it was ``stopped``, of the runs made until then.
 

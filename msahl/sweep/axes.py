@@ -14,10 +14,10 @@ Numbers without unit are in the units that the deck has there, as for ``msahl ru
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from msahl.deck.overrides import STOP_WHEN
+from msahl.records import record
 from msahl.run.options import OPTIONS, Choice, Flag, Integer, Number, Option
 from msahl.sweep.faults import PlanError
 
@@ -45,7 +45,7 @@ DISTRIBUTIONS = {
 BY_NAME = {option.name: option for option in OPTIONS}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Distribution:
     """A distribution of one number: its ``kind`` (see ``DISTRIBUTIONS``) and its numbers."""
 
@@ -56,7 +56,7 @@ class Distribution:
         return f"{self.kind}({', '.join(map(number_text, self.numbers))})"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Column:
     """A column of a plan: a number of the deck, or with ``option`` an option of a run.
 
@@ -118,7 +118,7 @@ class Column:
         return cell == "yes" if isinstance(kind, Flag) else cell
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Axis:
     """What is varied: a column, with the cells of a list or with a distribution."""
 

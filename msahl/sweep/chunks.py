@@ -17,6 +17,7 @@ from typing import Any
 
 import orjson
 
+from msahl.records import record
 from msahl.sweep.points import SUMMARY, Job, Point, Row, kept_folder, numeric_versions
 from msahl.sweep.pool import FATAL, Pool, PoolError
 
@@ -44,7 +45,7 @@ _idle: dict[bytes, list[Runner]] = {}
 _lock = threading.Lock()
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Order:
     """What all chunks of a sweep share.
 

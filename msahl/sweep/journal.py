@@ -9,18 +9,20 @@ import os
 import re
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 
 import orjson
 
+from msahl.locks import lock
 from msahl.printable import shown_path
 from msahl.sweep.faults import StoreError
 from msahl.sweep.points import Row
 
 SYNC_SECONDS = 2.0
 """Time after which lines are flushed to the disk: what a power failure may lose [s]."""
+BINARY = getattr(os, "O_BINARY", 0)
+"""Windows would write other ends of lines, which the checksums do not know."""
 END = re.compile(rb',"sum":"([0-9a-f]{16})"\}\n\Z')
 
 
@@ -35,27 +37,21 @@ class Journal:
     @cached_property
     def file(self) -> int:
         """The descriptor of the file."""
-        opened = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        opened = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | BINARY, 0o666)
         size = os.fstat(opened).st_size
-        if size and os.pread(opened, 1, size - 1) != b"\n":
+        os.lseek(opened, max(0, size - 1), os.SEEK_SET)
+        if size and os.read(opened, 1) != b"\n":
             os.write(opened, b"\n")  # ends a torn line
         return opened
 
     def lock(self) -> None:
         """Lock the file until it is closed, where that is possible; raises ``StoreError`` if
         another process has locked it."""
-        with suppress(ImportError):  # not a Unix
-            import fcntl
-
-            try:
-                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise StoreError(
-                    f"{shown_path(self.path)}: another process is running the same points; wait "
-                    "for its end, or stop it"
-                ) from None
-            except OSError:  # a network file system that cannot lock
-                pass
+        if not lock(self.file):
+            raise StoreError(
+                f"{shown_path(self.path)}: another process is running the same points; wait for "
+                "its end, or stop it"
+            )
 
     def append(self, lines: Iterable[bytes]) -> None:
         """Append lines, as ``line_of`` makes them."""

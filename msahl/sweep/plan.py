@@ -7,13 +7,14 @@ column ``point``; a file written by hand needs no such column.
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Any, TextIO
 
 from msahl.printable import printable, shown_path
+from msahl.records import record
 from msahl.results.write import PART
 from msahl.sweep.axes import Axis, Column, number_text
 from msahl.sweep.faults import PlanError
@@ -30,7 +31,7 @@ MOST_POINTS = 100_000_000
 Cells = tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Plan:
     """A plan: its columns, the number of its points, and a function that yields their cells.
 

@@ -12,7 +12,7 @@ import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +23,7 @@ from msahl.jit.files import version_of
 from msahl.model.settings import GIVEN
 from msahl.post.measures import evaluate, position_error, tables_needed
 from msahl.printable import printable
+from msahl.records import record
 from msahl.results.job import Job as Run
 from msahl.results.job import make_job
 from msahl.results.write import DECK, INFO, RunFolder, file_name, write_json
@@ -61,7 +62,7 @@ class Point(NamedTuple):
     cells: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Job:
     """What all points of a sweep have in common: the path of the deck, the options of all runs, the
     columns of the plan, the measures, what is kept of a run, and the folder of kept tables.

@@ -15,11 +15,11 @@ n=N)``.
 import inspect
 import re
 import warnings
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from msahl.records import record
 from msahl.sweep.axes import Distribution
 from msahl.sweep.faults import PlanError
 
@@ -28,7 +28,7 @@ MOST = 10_000_000
 """Most points of a sample."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Sample:
     """How points are drawn: the ``kind``, its number ``n``, and the seed."""
 

@@ -4,13 +4,14 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from msahl.deck import DeckError, listed_parameters
 from msahl.post.measures import unit_of
+from msahl.records import record
 from msahl.results.job import Job as Run
 from msahl.run.column_units import shown_unit
 from msahl.run.options import Number
@@ -45,7 +46,7 @@ TRIED = 50
 """Points of a plan that are tried until the deck is valid at one."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Sweep:
     """A sweep to be made: its folder, plan and job, and what happens to points that fail.
 
@@ -78,7 +79,7 @@ class Sweep:
         return Store(self.folder, self.job, context_digest(self.job), self.usable, self.journal)
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Hooks:
     """Functions that a sweep calls: ``began`` with the work before the first run, ``progress``
     after outcomes, ``stopped`` to ask whether to stop, and ``comparing`` with the number of points

@@ -6,9 +6,9 @@ work is ``finished``. Points are read from the plan as they are asked for.
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any, Protocol
 
+from msahl.records import record
 from msahl.run.report import COMPLETED
 from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import Plan
@@ -18,7 +18,7 @@ from msahl.sweep.store import Counts, Store
 CONTINUE, STOP, RETRY = "continue", "stop", "retry"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class OnFail:
     """What to do if a point fails: go on, stop the sweep, or try it again ``times`` times."""
 

@@ -125,10 +125,10 @@ def _inputs(group: kinds.Signals, scalar: Any, sizes: Sizes) -> np.ndarray:
     for kind, item in zip(group.kind, group.item, strict=True):
         size = by_kind.get(int(kind))
         if size is None:
-            turns, rate = scalar.coordinates.kind[item] == ANGLE, kind == kinds.RATE
+            is_angle, rate = scalar.coordinates.kind[item] == ANGLE, kind == kinds.RATE
             of_angle, of_length = (
                 (sizes.spin, sizes.velocity) if rate else (sizes.angle, sizes.position)
             )
-            size = of_angle if turns else of_length
+            size = of_angle if is_angle else of_length
         given.append(size)
     return np.array(given)

@@ -336,14 +336,14 @@ print(*sys.modules)
 """
 
 
-SLOW = ("matplotlib", "numba", "pandas", "xmlschema")
+SLOW = ("matplotlib", "numba", "numpy.typing", "pandas", "shlex", "xmlschema")
 """Packages that a run whose kernels are compiled does not import."""
 
 
 @pytest.mark.parametrize(
     ("words", "absent", "present"),
     [
-        (("run", "newton"), (*SLOW, "scipy.optimize"), ("numpy", "llvmlite")),
+        (("run", "newton"), (*SLOW, "scipy", "scipy.optimize"), ("numpy", "llvmlite")),
         (("run", "auto"), (*SLOW, "scipy.optimize"), ("numpy", "llvmlite")),
         (("check",), ("matplotlib", "pandas", "scipy", "numba"), ("lxml", "xmlschema")),
         (("--version",), ("matplotlib", "pandas", "scipy", "numba", "numpy", "lxml"), ("click",)),

@@ -50,7 +50,7 @@ def test_everything_includes_large_models_reports_and_studies(monkeypatch):
     prepared, called = [], []
     monkeypatch.setattr(kernels, "example_decks", lambda: [DECK])
     monkeypatch.setattr(kernels, "prepare", lambda calls: prepared.append(list(calls)))
-    monkeypatch.setattr(kernels, "_call", lambda command, *words: called.append(words))
+    monkeypatch.setattr(kernels, "call", lambda command, *words: called.append(words))
     large, told = by_size.LARGE, []
     kernels.compile_everything(told.append)
     assert large == by_size.LARGE

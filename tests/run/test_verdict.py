@@ -143,6 +143,31 @@ CASES = {
     ),
     "at rest": (at_rest(), {}, "energy", PASS),
     # Of energies of 100 J.
+    # Of a motion that is smaller than the tolerance nothing was asked for, its energy neither.
+    "energy between steps of a motion within the tolerance": (
+        {
+            "tolerance": 1e-3,
+            "conserves": False,
+            **with_extremes(
+                displacementMax=1e-7, rotationPerStepMax=1e-9, energyErrorBetweenSteps=1e4
+            ),
+        },
+        {},
+        "energy",
+        PASS,
+    ),
+    "energy between steps of a motion above the tolerance": (
+        {
+            "tolerance": 1e-3,
+            "conserves": False,
+            **with_extremes(
+                displacementMax=1e-2, rotationPerStepMax=1e-9, energyErrorBetweenSteps=1e4
+            ),
+        },
+        {},
+        "energy",
+        FAIL,
+    ),
     "at rest, with round-off between long steps": (at_rest(0.9e-7), {}, "energy", PASS),
     "at rest, with other energies between steps": (at_rest(1.1e-7), {}, "energy", FAIL),
     "momentum lost": ({"momentum": (1e-3, None)}, {}, "linearMomentum", FAIL),

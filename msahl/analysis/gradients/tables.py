@@ -26,6 +26,7 @@ from msahl.analysis.gradients.start import (
 from msahl.analysis.gradients.step_sequence import Step
 from msahl.joints.coordinates import is_angle
 from msahl.model import Model, RunSettings
+from msahl.records import record
 from msahl.run.observed import ObservedTables
 from msahl.run.output import TableAssembly
 from msahl.run.subsystem import SubsystemIntegrator
@@ -42,7 +43,7 @@ STATE_SIZE = 12
 REVOLUTION = 2.0 * np.pi
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Neighbours:
     """Models with other values of a parameter, each with its weight in the derivative, and the
     ``size`` of its value (0 if that is 0). ``wider`` returns those that are so many times farther
@@ -74,7 +75,7 @@ class TableGradients:
     jumping: str = ""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class TangentModel:
     """A model with its parameters' neighbours, ready to be differentiated along any steps."""
 

@@ -6,7 +6,7 @@ motion. Prescribed motions that are not among the drives remain constraints.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from msahl.expressions.syntax import Number, nearest
 from msahl.joints.coordinates import is_angle
@@ -14,6 +14,7 @@ from msahl.joints.registry import KINDS
 from msahl.model import ConcentratedLoad, JointActuator, MarkerActuator, Model
 from msahl.model.loads import Load
 from msahl.model.motions import JointMotion, PointMotion
+from msahl.records import record
 
 NONE = Number(0.0)
 """The law of a load that is not known."""
@@ -24,7 +25,7 @@ class InverseError(ValueError):
     all bodies; the message names the remedy."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Drive:
     """A load that is unknown; ``kind`` is "actuator", "motion" or "joint"."""
 

@@ -8,7 +8,7 @@ differ is the error bar of the loads.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from msahl.jit.by_size import compiled_once
 from msahl.joints.coordinates import ORIENTATION
 from msahl.model import Model
 from msahl.ports import forces
+from msahl.records import record
 from msahl.system import evaluate
 from msahl.system.arrays import State, Tables, new_tables
 
@@ -57,7 +58,7 @@ class Rows(NamedTuple):
     energy: np.ndarray  # (m,) kinetic and potential energy [J]
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Solution:
     """The loads of a motion. ``driven`` is the model in which the drives have no law; ``tables``
     have its columns, without times.

@@ -26,6 +26,7 @@ from msahl.analysis.linearised.point import Point, at_start
 from msahl.jit.by_size import compiled_once
 from msahl.model import INSTANTANEOUS, Model
 from msahl.model.settings import YES
+from msahl.records import record
 from msahl.run.tables import Sink
 from msahl.run.time_grid import TimeGrid
 from msahl.start.velocities import StartError
@@ -94,7 +95,7 @@ class Motion:
     redundant: int = 0
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Prepared:
     """A model whose motion is prescribed completely, at t = 0; ``rank`` of its equations."""
 

@@ -1,7 +1,6 @@
 """A linearised model: its matrices, names, units and values, and how good they are."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from msahl.analysis.linearised.steady import Equilibrium
 from msahl.analysis.state_space.files import save
+from msahl.records import record
 from msahl.run.options import path_of
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 KINDS = ("state", "input", "output")
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Quantity:
     """A state, input or output: its ``name``, ``unit``, and ``value`` at the point."""
 
@@ -27,7 +27,7 @@ class Quantity:
     value: float
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Accuracy:
     """How good the matrices are."""
 
@@ -36,7 +36,7 @@ class Accuracy:
     error: float  # of the derivatives of columns, relative to the largest of a table
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class LinearModel:
     """x' = A x + B w, y = C x + D w of changes from the values at the point; m states."""
 

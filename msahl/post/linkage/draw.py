@@ -16,6 +16,7 @@ from msahl.post.linkage.motion import Motion, instants, moves, view
 from msahl.post.linkage.parts import GROUND, Parts, Scene, outline
 from msahl.post.scene import build_scene
 from msahl.post.scene.build import LONG
+from msahl.records import record
 from msahl.results.read import Run
 
 COUNT = 5
@@ -44,7 +45,7 @@ SMALL = 0.02
 """Size of an outline, relative to the picture, below which a dot is drawn as well."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Look:
     """Widths of lines and sizes of signs and letters in points; ``labels``: whether there are any;
     ``bodies`` to draw, by index (None: all)."""
@@ -125,7 +126,7 @@ def draw_linkage(
     axes.margins(0.08)
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Pen:
     """How an instant is drawn: opacity, its place in the order, whether it is the last one, and
     the ``size`` of the picture [m]."""

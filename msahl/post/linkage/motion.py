@@ -6,13 +6,12 @@ nearly its full extent (half a period of a pendulum, one revolution of a crank) 
 its path, not of time, so that bodies at rest are not drawn on top of each other.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
 from msahl.algebra.rotation_arrays import rotations
 from msahl.post.linkage.parts import GROUND, Parts, Scene, ground_points, outline, parts_of
+from msahl.records import record
 
 FLAT = 0.05
 """Extent in a direction, relative to the largest one, below which a motion is planar."""
@@ -29,7 +28,7 @@ AZIMUTHS = np.radians(np.arange(-75.0, 0.0, 10.0))
 """Oblique views that are tried, in this order: angles above the horizon, and about the vertical."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Motion:
     """The motion of a scene: ``time`` (m,) [s]; of each body its reference point ``origins``
     (m, n, 3) [m] and its axes ``frames`` (m, n, 3, 3) in inertial axes; ``parts`` of the bodies,

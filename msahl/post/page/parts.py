@@ -7,7 +7,7 @@ not escaped.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from msahl.post.page.markup import Child, Markup, element, join
@@ -20,9 +20,10 @@ from msahl.post.web import (
     json_data,
     source,
 )
+from msahl.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Part:
     """A part of a page: its ``markup``, and the styles, modules, bundles and data that it needs.
 

@@ -13,7 +13,6 @@ The data of the page beside that of the viewer, which ``show.js`` reads under th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from msahl.post.scene.shapes import given_shapes
 from msahl.post.show.lines import element_lines, file_text, files_of
 from msahl.post.show.readable import drawable
 from msahl.post.view import Shown, viewer_block
+from msahl.records import record
 
 FAULTY = "#d03530"
 """Colour of a body with a fault."""
@@ -36,7 +36,7 @@ MOST_BODIES = 2000
 """Bodies of a model up to which its degrees of freedom are computed."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeckPage:
     """The page of a deck: HTML, the faults it shows, and the files that it depends on."""
 

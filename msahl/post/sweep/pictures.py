@@ -5,7 +5,6 @@ a map, and their number is in the title. Points with the verdict FAIL have a red
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -23,6 +22,7 @@ from msahl.post.sweep.statistics import (
     independent,
     statistics_of,
 )
+from msahl.records import record
 
 FAILED = "#D55E00"
 """Colour of failed points and of the verdict FAIL."""
@@ -37,7 +37,7 @@ LEAST_MAP = 3
 TITLE_WIDTH = 88
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Picture:
     """A figure with the name of its file, its caption, and whether it has few enough marks to be
     drawn as vectors."""

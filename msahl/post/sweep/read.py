@@ -6,7 +6,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 
 from msahl.post.measures import MeasureError, parse_measure, unit_of
 from msahl.printable import printable, shown_path
+from msahl.records import record
 from msahl.results.info import COUNT, TEXT, Fields, Many, ResultError, shape_faults
 
 INFO, RUNS, SECONDS, PART = "sweep.json", "runs.csv", "seconds.csv", ".part"
@@ -41,7 +41,7 @@ DIGITS = 6
 """Digits of the numbers of a plan on pages, if they distinguish them."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Parameter:
     """A column of the plan: its ``name`` with unit, its ``values`` (n,) where all are numbers, the
     texts of its cells, and whether it was drawn from a distribution."""
@@ -84,7 +84,7 @@ class Parameter:
         return f"{name} = {value} {unit}" if is_number else f"{name} = {value}"
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Measured:
     """A measure: its ``name``, its ``unit`` ("" if not known), and its ``values`` (n,); nan where a
     point has none."""
@@ -99,7 +99,7 @@ class Measured:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class SweepRuns:
     """A sweep as it was read: ``parameters`` and ``measures`` of n points, their ``status`` and
     ``verdict`` (texts), ``seconds`` of their time loops (nan if not known), the points' numbers,

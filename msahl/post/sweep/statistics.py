@@ -10,12 +10,11 @@ centred by the mean of f(a) and f(b). Rows with a missing value are omitted, for
 provision: it needs n to be a power of 2.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import stats
 
 from msahl.post.sweep.read import Measured, SweepRuns
+from msahl.records import record
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -25,7 +24,7 @@ SALTELLI = "saltelli"
 QUANTILES = (0.05, 0.5, 0.95)
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Statistics:
     """Statistics of a measure over ``used`` points of ``points`` of a ``group``; ``bad`` of those
     used have the verdict FAIL. ``interval`` and ``deviation_interval`` are confidence intervals of
@@ -45,7 +44,7 @@ class Statistics:
     quantiles: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Indices:
     """Sobol indices of a measure: ``first`` and ``total`` order (d,) by parameter, with confidence
     intervals (d, 2) by the bootstrap; ``rows`` of ``planned`` rows of the design were used."""

@@ -1,7 +1,6 @@
 """Reduce the columns of a run's tables to what a graph shows, and pack them for the viewer."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -11,6 +10,7 @@ from msahl.model import Model
 from msahl.post.graph_data import thinned
 from msahl.post.view.packing import pack_integers, pack_numbers
 from msahl.printable import printable, shown_path
+from msahl.records import record
 from msahl.results.info import ResultError
 from msahl.results.sample import Sample
 from msahl.results.write import DRIVES
@@ -23,7 +23,7 @@ FEWEST = 100
 """Least number of intervals that the time is divided into."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Columns:
     """Columns of the tables of a run at the same times: ``values`` (rows, columns)."""
 

@@ -8,13 +8,13 @@ poses for the same error. Key poses are output times of the run, close together 
 changes quickly, so that the error at all output times is within a tolerance.
 """
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from msahl.algebra.rotation_arrays import quaternions
 from msahl.post.view.packing import pack_integers, pack_numbers
+from msahl.records import record
 from msahl.results.sample import Sample
 from msahl.run.tables import STATES
 from msahl.system.names import STATE_COLUMNS
@@ -45,7 +45,7 @@ BLOCK = 4096
 """Output times that are interpolated at once, to bound the memory."""
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class Poses:
     """Poses of all bodies: ``values`` (rows, bodies, 7) at ``time`` (rows,) [s]; Euler parameters
     do not change sign from row to row."""
@@ -64,7 +64,7 @@ class Poses:
         return float(np.abs(self.values[..., :3] - self.middle).max())
 
 
-@dataclass(frozen=True)
+@record(slots=False)
 class KeyPoses:
     """The rows that are key poses, and the largest errors of the interpolation at all output times:
     of a position [m] and of an orientation [rad]."""

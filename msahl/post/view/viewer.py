@@ -17,7 +17,7 @@ The data of a viewer, which ``viewer.js`` reads, is
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from msahl.post.page.parts import Part, write_page
 from msahl.post.scene import scene_of_run
 from msahl.post.view.columns import columns_of_run, pack_columns
 from msahl.post.view.poses import Poses, choose_keys, pack_poses, poses_of_run
+from msahl.records import record
 from msahl.results.sample import Sample, read_sample
 from msahl.run.tables import JOINTS
 
@@ -44,7 +45,7 @@ CURVES = 3
 NO_SCRIPT = "This view in three dimensions needs JavaScript."
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Shown:
     """What a viewer shows of one run, or of a model at rest: a scene, and the rest of it packed."""
 

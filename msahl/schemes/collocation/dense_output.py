@@ -301,9 +301,9 @@ def _largest_defect(output: DenseOutput, level: int, count: int) -> tuple[float,
     for m in range(count):
         _set_second_weights(output, level - 1, float(m) if level == 0 else output.nodes[level, m])
         for b in range(moving_count(frames)):
-            for turns in range(2):
+            for rotational in range(2):
                 node, lever = displacement_node(frames, b), 1.0
-                if turns:
+                if rotational:
                     node, lever = rotation_node(frames, b), frames.length[b]
                 second = scale(lever, _sum(curve, output.value, node))
                 other = sub(scale(lever, at(output.inner[m], node)), second)

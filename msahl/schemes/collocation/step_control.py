@@ -82,6 +82,9 @@ ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 chunk, searches for a breakpoint since the last accepted pair."""
 SEARCHES = 12
 """Most pairs that are taken for one event: by the secant, four or five lead to round-off."""
+MISLED = 0.25
+"""Factor of the size of the next pair after one whose event is not where pairs are taken up to it:
+the motion comes nearer to a level than the dense output of a pair of that size is accurate."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -486,7 +489,10 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
     near = near or abs(new - end) <= ROUND_OFF * end
     if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
         change = abs(detector.ends[2, k] - detector.ends[0, k])
-        detector.event[0] = k if near or abs(value) <= margins.AT_ENDS * change else -1
+        detector.event[0] = k
+        if not (near or abs(value) <= margins.AT_ENDS * change):
+            # The long pair showed an event where there is none: its dense output is wrong by more.
+            detector.event[0], figures[NEXT] = -1, MISLED * figures[NEXT]
         return NO_EVENT
     control.counts[SOUGHT] += 1
     figures[STOP] = new

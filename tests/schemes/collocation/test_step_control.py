@@ -282,7 +282,7 @@ def test_rest_is_rest_whatever_the_rounding_errors_are(seed):
     assert report.error["angularVelocity"] <= 1e-8
 
 
-def test_rows_between_steps_far_longer_than_time_constants_are_as_good_as_the_ends():
+def test_output_between_steps_far_longer_than_time_constants_is_as_good_as_the_ends():
     """Accelerations at positions and velocities that are wrong by round-off are wrong by much more:
     (h/T)^2 times more from level to level of the dense output, T = 4 ms. They were 1e-8 rad/s.
     """
