@@ -150,6 +150,15 @@ def rotated(e: LaneQuaternion, a: Vector, sine: Lanes, cosine: Lanes) -> LaneQua
 
 
 @kernel
+def rotation_change(e: LaneQuaternion, a: Vector) -> LaneVector:
+    """Change of the vector ``a`` by the rotation ``e``."""
+    axis = (e[1], e[2], e[3])
+    t = cross(axis, a)
+    t = (2.0 * t[0], 2.0 * t[1], 2.0 * t[2])
+    return sum_of(multiple(e[0], t), cross(axis, t))
+
+
+@kernel
 def matrix_of(e: LaneQuaternion) -> LaneMatrix:
     """Matrix of the rotation by the quaternion ``e``."""
     w, x, y, z = e

@@ -26,7 +26,7 @@ from msahl.run.setup import build_setup
 from msahl.start.velocities import StartError
 from msahl.system.build import build_system
 from msahl.system.subsystems import split
-from msahl.system.tree import is_tree
+from msahl.system.tree import tree_kind
 
 VARIANTS: tuple[tuple[dict[str, Any], Options], ...] = (
     ({}, Options()),
@@ -89,12 +89,12 @@ def _models() -> Iterator[Model]:
 
 def kind_of(model: Model) -> Description:
     """Return what the machine code of a model depends on: the types of the arrays of its system, of
-    its margins if it has events in steps of low or high order, and whether it is a tree with joint
-    coordinates.
+    its margins if it has events in steps of low or high order, and whether it has joint
+    coordinates, and loops in these.
     """
     system, span = build_system(model), Span(model.simulation.t_final)
     margins = (build_margins(system, order, span) for order in (2, 4))
-    return describe((system, *margins, is_tree(model, system) or None))
+    return describe((system, *margins, tree_kind(model, system)))
 
 
 def _calls(model: Model) -> Iterator[Call]:

@@ -20,7 +20,7 @@ Laws of forces (``msahl.laws``) use none of these, ports (``msahl.ports``) 2 to 
 equations uses all: constraints, beams, schemes and the linearised equations number frames and nodes
 as ``absolute`` does.
 
-``tree`` serves steps of gauss in open trees: the joints' own displacements within a step. It begins
+``tree`` serves steps of gauss: the joints' own displacements within a step. It begins
 each step from a state of the frames and ends in one, so what reads states does not depend on it. It
 owes the step (``schemes.collocation.tree_step``), for several nodes at once:
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from msahl.check.faults import listed
 from msahl.jit.compiled import on_disk
 from msahl.joints.coordinates import ORIENTATION, coordinates, is_angle
 from msahl.linalg.elimination import products
@@ -176,13 +177,14 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
 
 def _formulation(integrator: SubsystemIntegrator) -> str:
     """The coordinates in which steps are solved, and why."""
-    tree, reason = integrator.formulation
+    tree, reason, cut, closing = integrator.formulation
     if tree is None:
         return f"steps are solved in absolute coordinates, with multipliers: {reason}"
-    return (
-        f"steps are solved in {_count(integrator.unknowns, 'joint coordinate')}, without "
-        "constraint equations: the joints form an open tree on the ground"
-    )
+    solved = f"steps are solved in {_count(tree.body.size, 'joint coordinate')}"
+    if cut is None:
+        return f"{solved}, without constraint equations: the joints form an open tree on the ground"
+    equations = _count(cut.scale.size, "constraint equation")
+    return f"{solved} with {equations}, those of what is not in the tree: {listed(closing)}"
 
 
 def _members(subsystem: Model) -> str:

@@ -159,13 +159,16 @@ class SubsystemIntegrator:
             word = settings.scheme + (str(settings.degree) if settings.degree else "")
             return Formulation(None, f"{word} has no steps in joint coordinates")
         workspace = self.workspace
-        return choose_formulation(self.model, workspace.system, workspace.start, self.axis)
+        free = workspace.unknowns.free
+        return choose_formulation(self.model, workspace.system, workspace.start, free, self.axis)
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns that steps are solved for."""
-        tree = self.formulation.tree
-        return self.workspace.unknowns.free.size if tree is None else tree.body.size
+        tree, cut = self.formulation.tree, self.formulation.cut
+        if tree is None:
+            return self.workspace.unknowns.free.size
+        return tree.body.size + (0 if cut is None else cut.scale.size)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
@@ -272,7 +275,8 @@ def _new_stepper(
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
-    rest = span, storage, formulation.tree
+    tree = formulation.tree
+    rest = span, storage, None if tree is None else (tree, formulation.cut)
     if tolerance is None:
         method = CollocationMethod(workspace, settings.family, settings.degree, *rest)
         return FixedStepper(method, solver)

@@ -1,15 +1,22 @@
 """Decides on the formulation of a subsystem, and builds the tree of its bodies.
 
-Joint coordinates need neither constraint equations nor multipliers. They are used where every
-element has them: an open tree of rigid bodies on the ground, by joints that state their axes
-(``joints.joint.TreeAxis``), with loads that depend on nothing but places, velocities and time. The
-rest keeps absolute coordinates, and ``Formulation.reason`` says why.
+Joint coordinates need neither constraint equations nor multipliers but those that close loops. They
+are used where every element has them: rigid bodies on the ground in a tree of joints that state
+their axes (``joints.joint.TreeAxis``), with loads that depend on nothing but places, velocities and
+time. All other joints are cut, as are couplings and prescribed motions: their equations remain
+(``system.cut``). The rest keeps absolute coordinates, and ``Formulation.reason`` says why.
+
+The tree takes the joints of the fewest coordinates, and of these the ones nearest to the ground, so
+that there are few coordinates, few equations, and short paths. Joint coordinates count from the
+start of each step, where no orientation is singular, so the choice needs no regard to positions.
 
 A mass matrix in joint coordinates takes work by the square of the number of coordinates between a
 body and the ground: long chains are faster in absolute coordinates, whose work is proportional to
 the number of bodies.
 """
 
+import heapq
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +31,13 @@ from msahl.model import Joint, Model, RigidBody
 from msahl.ports.forces import pressed_by_reactions
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.collect import frame_index
+from msahl.system.cut import Cut, build_cut
 
 MOST_PRODUCTS = 800
 """Products in the factors of a mass matrix, per body, from which absolute coordinates take less
 work: by timings of planar chains, at about 70 bodies."""
+MOST_EQUATIONS = 12
+"""Equations of cut joints from which absolute coordinates take less work."""
 REACH, REACH_ACROSS = 1.5, 1.0
 """Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``; and
 about the second one of a ball, whose three axes are in a plane at a right angle."""
@@ -39,10 +49,16 @@ ALONG = 0.5
 
 
 class Formulation(NamedTuple):
-    """Coordinates of a subsystem: those of a ``tree``, or, for a ``reason``, absolute ones."""
+    """Coordinates of a subsystem: those of a ``tree``, or, for a ``reason``, absolute ones.
+
+    ``cut`` has the equations that close its loops, ``closing`` the joints, couplings and motions to
+    which they belong, by name.
+    """
 
     tree: Tree | None
     reason: str = ""
+    cut: Cut | None = None
+    closing: tuple[str, ...] = ()
 
 
 class Branch(NamedTuple):
@@ -55,40 +71,52 @@ class Branch(NamedTuple):
 
 
 def choose_formulation(
-    model: Model, system: System, start: SystemWorkspace, axis: int | None
+    model: Model, system: System, start: SystemWorkspace, free: np.ndarray, axis: int | None
 ) -> Formulation:
-    """Return the coordinates for a subsystem, prepared at its start; ``axis`` is the normal of its
-    plane, if it is planar.
+    """Return the coordinates for a subsystem of ``free`` unknowns, prepared at its start; ``axis``
+    is the normal of its plane, if it is planar.
     """
     reason = _excluded(model, system)
     if reason:
         return Formulation(None, reason)
     branches = _branches(model)
     if branches is None:
-        return Formulation(None, "its joints form a loop, or leave a body free of the ground")
+        return Formulation(None, "its joints leave a body free of the ground")
     tree = _build(model, system, start, axis, branches)
     if tree.body.size == 0:
         return Formulation(None, "nothing can move")
     depth = np.diff(tree.row)
     if float(np.sum(depth * depth)) > 2.0 * MOST_PRODUCTS * len(model.bodies):
         return Formulation(None, "they take less work in chains as long as these")
-    return Formulation(tree)
+    closing = _closing(model, branches)
+    cut = build_cut(system, free, tree, set(closing))
+    if cut is not None and cut.scale.size > MOST_EQUATIONS:
+        return Formulation(None, "they take less work where so many equations close loops")
+    return Formulation(tree, "", cut, tuple(closing.values()) if cut else ())
 
 
-def is_tree(model: Model, system: System) -> bool:
-    """Whether a subsystem has joint coordinates."""
-    return not _excluded(model, system) and _branches(model) is not None
+def _closing(model: Model, branches: list[Branch]) -> dict[int, str]:
+    """Return the names of what is not in the tree, by number among joints, couplings, motions."""
+    kept = {branch.joint.name for branch in branches}
+    elements, tied = (*model.joints, *model.couplings, *model.motions), len(model.joints)
+    names = {e: one.name for e, one in enumerate(elements)}
+    return {e: name for e, name in names.items() if e >= tied or name not in kept}
+
+
+def tree_kind(model: Model, system: System) -> tuple[bool, ...]:
+    """Return nothing for a subsystem without joint coordinates, else whether anything is cut."""
+    branches = None if _excluded(model, system) else _branches(model)
+    if branches is None:
+        return ()
+    return (True,) if _closing(model, branches) else (True, True)
 
 
 def _excluded(model: Model, system: System) -> str:
     """Return why elements of the model need absolute coordinates; empty if none does."""
-    signals = system.forces.signals
-    for joint in model.joints:
-        if KINDS[joint.kind].tree is None:
-            return f"joint '{joint.name}' ({joint.kind}) has no joint coordinates"
+    signals, scalar = system.forces.signals, system.scalar
+    rates = scalar is not None and not scalar.equations.holonomic.all()
     reasons = (
-        (model.couplings, "couplings are constraints between joints"),
-        (model.motions, "prescribed motions are constraints"),
+        (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
         (pressed_by_reactions(system.forces) is not None, "friction depends on reactions"),
@@ -99,25 +127,33 @@ def _excluded(model: Model, system: System) -> str:
 
 
 def _branches(model: Model) -> list[Branch] | None:
-    """Return the joints from the ground outwards; None where they are no tree that reaches all."""
+    """Return the joints of the tree from the ground outwards; None where they do not reach all
+    bodies.
+    """
     grounds = {ground.name for ground in model.grounds}
     at: dict[str, list[Joint]] = {}
     for joint in model.joints:
-        at.setdefault(joint.parent, []).append(joint)
-        at.setdefault(joint.child, []).append(joint)
+        if KINDS[joint.kind].tree is not None:
+            at.setdefault(joint.parent, []).append(joint)
+            at.setdefault(joint.child, []).append(joint)
     branches: list[Branch] = []
-    reached, known, used = list(grounds), set(grounds), set()
-    for name in reached:
+    depth, count = dict.fromkeys(grounds, 0), itertools.count()
+    waiting: list[tuple[int, int, int, Joint, str]] = []
+
+    def reach(name: str) -> None:
         for joint in at.get(name, ()):
-            if joint.name in used:
-                continue
-            used.add(joint.name)
-            other = joint.child if joint.parent == name else joint.parent
-            if other in known:
-                return None
-            known.add(other)
-            reached.append(other)
+            rank = len(KINDS[joint.kind].tree or ()), depth[name], next(count)
+            heapq.heappush(waiting, (*rank, joint, name))
+
+    for name in grounds:
+        reach(name)
+    while waiting:
+        *_, joint, name = heapq.heappop(waiting)
+        other = joint.child if joint.parent == name else joint.parent
+        if other not in depth:
+            depth[other] = depth[name] + 1
             branches.append(Branch(joint, other, name, joint.parent == other))
+            reach(other)
     return branches if len(branches) == len(model.bodies) else None
 
 

@@ -40,6 +40,7 @@ from msahl.algebra.lanes import (
     put_vector,
     quaternion_at,
     rotated,
+    rotation_change,
     spread_vector,
     sum_of,
     times,
@@ -190,6 +191,23 @@ def set_places(tree: Tree, motion: TreeMotion) -> None:
         for i in range(3):
             put_vector(motion.rotation, 9 * b + 3 * i, D[i])
         put_vector(motion.place, 3 * b, difference(P, times(D, at(motion.child_arm, b))))
+
+
+@unit
+def set_displacements(tree: Tree, motion: TreeMotion, out: np.ndarray) -> None:
+    """Set ``out`` (3 (b+1), LANES) to the displacements [m] of all mass centres since the start of
+    the step, after ``set_places``; unlike differences of places they have no round-off of these.
+    """
+    put_vector(out, 0, spread_vector(ZERO))
+    for b in range(1, tree.frame.size):
+        before = tree.parent[b]
+        e = quaternion_at(motion.quaternion, 4 * before)
+        u = sum_of(vector_at(out, 3 * before), rotation_change(e, at(motion.parent_arm, b)))
+        for k in range(tree.first[b], tree.first[b + 1]):
+            if tree.slides[k]:
+                u = sum_of(u, multiple(load(motion.q, k), vector_at(motion.screw, 6 * k + 3)))
+        e = quaternion_at(motion.quaternion, 4 * b)
+        put_vector(out, 3 * b, difference(u, rotation_change(e, at(motion.child_arm, b))))
 
 
 @unit

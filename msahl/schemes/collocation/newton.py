@@ -37,6 +37,7 @@ from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.common.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
+from msahl.system.cut import Cut
 from msahl.system.diagnostics import energy_balance
 
 TARGET = 1e-14
@@ -74,10 +75,13 @@ class CollocationWorkspace(NamedTuple):
 
 
 def new_collocation_workspace(
-    workspace: Workspace, scheme: str, degree: int, tree: Tree | None = None
+    workspace: Workspace,
+    scheme: str,
+    degree: int,
+    tree: tuple[Tree, Cut | None] | None = None,
 ) -> CollocationWorkspace:
     """Return the workspace for steps by the ``scheme`` of a ``degree`` from the prepared state, in
-    the joint coordinates of a ``tree`` where there is one.
+    the joint coordinates of a ``tree``, cut where its loops close, if there is one.
     """
     lu, higher = workspace.unknowns.elimination, COLLOCATION[scheme]
     stages = new_stage_arrays(
@@ -100,7 +104,7 @@ def new_collocation_workspace(
         half_rates=np.zeros((2, *stages.last_rates.shape)),
         half_solution=np.zeros((2, *stages.Z.shape)),
         outcome=np.zeros(2),
-        tree=None if tree is None else new_tree_stages(tree, stages.tableau),
+        tree=tree and new_tree_stages(*tree, workspace.system, stages.tableau),
     )
 
 

@@ -677,7 +677,7 @@ def join_halves(subsystem: CollocationWorkspace, t: float, h: float) -> None:
                 for j in range(s):
                     stages.Z[i, node, k] += halves.multipliers[i, j] * solution[j, node, k]
     stages.last_step[0], stages.last_step[1] = t, h
-    if not tree_step.follow_halves(subsystem.tree, halves.rate_half, halves.rates):
+    if not tree_step.follow_halves(subsystem.tree, halves):
         stages.last_step[1] = 0.0
 
 

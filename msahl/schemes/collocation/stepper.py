@@ -20,12 +20,13 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.tree_step import ITERATIONS, STEPS
+from msahl.schemes.collocation.tree_step import ITERATIONS, STEPS, TreeStages
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
+from msahl.system.cut import Cut
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
@@ -55,7 +56,7 @@ class CollocationMethod:
         degree: int,
         span: Span,
         storage: Storage | None = None,
-        tree: Tree | None = None,
+        tree: tuple[Tree, Cut | None] | None = None,
     ) -> None:
         self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
@@ -69,7 +70,7 @@ class CollocationMethod:
         kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
         events = "-events" if self.detection else ""
-        tree = "" if self.tree is None else "-tree"
+        tree = "" if self.tree is None else "-loops" if self.tree[1] is not None else "-tree"
         return f"{kind}{friction}{tree}-collocation{events}"
 
     @property
@@ -99,7 +100,10 @@ class CollocationMethod:
     def memory(self) -> tuple[Any, ...]:
         """See ``StepMethod``."""
         stages, tree = self.subsystem.stages, self.subsystem.tree
-        return (stages,) if tree is None else (stages, tree.last_rates, tree.figures)
+        if tree is None:
+            return (stages,)
+        unknowns = () if tree.loops is None else (tree.loops.last_y,)
+        return (stages, tree.last_rates, tree.figures, *unknowns)
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -130,7 +134,7 @@ class CollocationMethod:
             return work_of(self.degree, iterations, factorisations)
         in_tree, steps = self.subsystem.tree.figures[[ITERATIONS, STEPS]].tolist()
         rest = work_of(self.degree, iterations - in_tree, factorisations - steps)
-        return rest + work_in_tree(self.subsystem.tree.tree, self.degree, in_tree, steps)
+        return rest + work_in_tree(self.subsystem.tree, self.degree, in_tree, steps)
 
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
@@ -371,9 +375,12 @@ def work_of(degree: int, iterations: float, factorisations: float) -> float:
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations
 
 
-def work_in_tree(tree: Tree, degree: int, iterations: float, steps: float) -> float:
+def work_in_tree(tree: TreeStages, degree: int, iterations: float, steps: float) -> float:
     """Work of steps in joint coordinates, in the same unit. All nodes are evaluated at once, so it
-    does not depend on the degree but for loads, which elements evaluate node by node.
+    does not depend on the degree but for what elements evaluate node by node: loads, and the
+    equations of cut joints, whose factors are those of a small matrix.
     """
-    loads = 0.0 if tree.bare else 0.25 * degree
-    return (0.5 + loads) * iterations + steps
+    by_node = 0.0 if tree.tree.bare else 0.25 * degree
+    if tree.loops is not None:
+        by_node += 0.1 * degree
+    return (0.5 + by_node) * iterations + steps

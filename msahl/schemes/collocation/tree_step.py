@@ -61,14 +61,16 @@ from msahl.formulations.tree.table import Tree, TreeMotion, new_motion
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.jit.lanes import LANES, load, spread, store
 from msahl.ports import forces
-from msahl.schemes.collocation import equations, predictor
-from msahl.schemes.collocation.tableau import Tableau, lagrange
+from msahl.schemes.collocation import equations, predictor, tree_loops
+from msahl.schemes.collocation.tableau import Halves, Tableau, lagrange
+from msahl.schemes.collocation.tree_loops import LoopStages, new_loop_stages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.criteria import AT_REST, STUCK
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system import evaluate
 from msahl.system.arrays import System
+from msahl.system.cut import Cut
 
 TARGET = 3e-16
 """Largest last correction times its contraction: the error that remains, which has the same sign in
@@ -96,6 +98,7 @@ class TreeStages(NamedTuple):
 
     tree: Tree
     motion: TreeMotion
+    loops: LoopStages | None  # of closed loops; None: no code for them
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
@@ -104,14 +107,17 @@ class TreeStages(NamedTuple):
     figures: np.ndarray  # (7,) see above
 
 
-def new_tree_stages(tree: Tree, tableau: Tableau) -> TreeStages:
-    """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes."""
-    c = tableau.force_time
+def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tableau) -> TreeStages:
+    """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes, with the equations
+    of a ``cut`` where loops are closed.
+    """
+    c, motion = tableau.force_time, new_motion(tree)
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
     return TreeStages(
         tree=tree,
-        motion=new_motion(tree),
+        motion=motion,
+        loops=cut and new_loop_stages(cut, tree, system, tableau),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
@@ -169,6 +175,7 @@ def save_half(tree: TreeStages, half: int) -> None:
     for j in range(tree.rates.shape[0]):
         for k in range(tree.rates.shape[1]):
             tree.half_rates[half, j, k] = tree.last_rates[j, k]
+    tree_loops.save_half(tree.loops, half)
 
 
 @optional()
@@ -178,20 +185,21 @@ def follow_half(tree: TreeStages) -> None:
     for j in range(tree.rates.shape[0]):
         for k in range(tree.rates.shape[1]):
             tree.last_rates[j, k] = tree.half_rates[1, j, k]
+    tree_loops.follow_half(tree.loops)
 
 
 @optional(True)
-def follow_halves(tree: TreeStages, half: np.ndarray, weights: np.ndarray) -> bool:
-    """Let the next prediction follow both halves, see ``tableau.Halves``; return whether it can, as
-    they are of one form.
-    """
+def follow_halves(tree: TreeStages, halves: Halves) -> bool:
+    """Let the next prediction follow both halves; return whether it can: they are of one form."""
     tree.figures[FROM_TREE] = tree.half_form[1]
+    half, weights = halves.rate_half, halves.rates
     for i in range(half.size):
         for k in range(tree.rates.shape[1]):
             total = 0.0
             for j in range(weights.shape[1]):
                 total += weights[i, j] * tree.half_rates[half[i], j, k]
             tree.last_rates[i, k] = total
+    tree_loops.follow_halves(tree.loops, halves.multiplier_half, halves.multipliers)
     return bool(tree.half_form[0] == tree.half_form[1])
 
 
@@ -200,7 +208,9 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     """Solve for the rates at all nodes; return the relative residual, inf if there is none."""
     motion = tree.motion
     recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
-    predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
+    tree_loops.begin(tree.loops, tree.tree, motion, workspace, stages, h)
+    follows = predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
+    tree_loops.predict(tree.loops, workspace, stages, follows, h)
     if not tree.tree.bare:
         forces.node_factors(
             workspace.system.forces,
@@ -211,14 +221,16 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         )
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
     tree.figures[STEPS] += 1.0
+    workspace.counts[1] += 1
     for iteration in range(MAX_ITERATIONS):
+        tree_loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
         if not set_coordinates(tree, h):
             return math.inf
         recursion.set_places(tree.tree, motion)
         recursion.set_twists(tree.tree, motion)
-        if iteration == 0:
+        if before > FAR and iteration <= MOST_RENEWALS:
             mass_matrix.set_factors(tree.tree, motion)
-            workspace.counts[1] += 1
+            tree_loops.set_factors(tree.loops, tree.tree, motion)
         if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
         recursion.set_momenta(tree.tree, motion)
@@ -230,10 +242,12 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
         ratio = contraction(tree, residual, before, iteration, h)
         left = residual * min(1.0, ratio)
         if left <= TARGET and residual <= most:
-            return left
+            return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
-            return left
-        if iteration > 0 and is_hopeless(residual, ratio, MAX_ITERATIONS - 1 - iteration):
+            return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
+        if iteration > MOST_RENEWALS and is_hopeless(
+            residual, ratio, MAX_ITERATIONS - 1 - iteration
+        ):
             return math.inf
         before = residual
     return math.inf
@@ -256,6 +270,9 @@ def contraction(
     return ratio
 
 
+FAR, MOST_RENEWALS = 0.01, 3
+"""Correction after which the mass matrices of the prediction are not good enough, and how often
+they are set anew in a step; only then does the ratio of corrections say how the iteration goes."""
 PREDICTED_WELL = 0.03
 """As ``newton.PREDICTED_WELL``, of the first correction."""
 SLOWER = 2.0
@@ -276,9 +293,9 @@ GROWTH, SMALL = 10.0, 0.1
 
 
 @kernel
-def predict(tree: TreeStages, stages: StageArrays, R: np.ndarray, t: float, h: float) -> None:
+def predict(tree: TreeStages, stages: StageArrays, R: np.ndarray, t: float, h: float) -> bool:
     """Set the rates at the nodes to the prediction from the step to follow, or to those at the
-    start, where the frames have the orientations ``R``.
+    start, where the frames have the orientations ``R``; return whether there is one to follow.
 
     What is extrapolated of a ball is its angular velocity in the parent's axes, as its hinges have
     other axes in each step.
@@ -302,6 +319,7 @@ def predict(tree: TreeStages, stages: StageArrays, R: np.ndarray, t: float, h: f
     for k in range(motion.rate.size):
         for i in range(s, LANES):
             motion.u[k, i] = motion.u[k, s - 1]
+    return follows
 
 
 @kernel
@@ -413,6 +431,7 @@ def set_end_momenta(tree: TreeStages, weight: np.ndarray, h: float) -> None:
     motion = tree.motion
     for k in range(motion.rate.size):
         motion.end_momentum[k] = changed(motion.momentum[k], motion.force, k, weight, h)
+        motion.end_momentum[k] += tree_loops.impulse(tree.loops, k, h)
     for b in range(1, tree.tree.frame.size):
         if tree.tree.is_ball[b]:
             k = tree.tree.first[b]
@@ -420,6 +439,9 @@ def set_end_momenta(tree: TreeStages, weight: np.ndarray, h: float) -> None:
             about_x = changed(motion.momentum[k], motion.moment, k, weight, h)
             about_y = changed(motion.momentum[k + 1], motion.moment, k + 1, weight, h)
             about_z = changed(motion.momentum[k + 2], motion.moment, k + 2, weight, h)
+            about_x += tree_loops.moment_impulse(tree.loops, k, h)
+            about_y += tree_loops.moment_impulse(tree.loops, k + 1, h)
+            about_z += tree_loops.moment_impulse(tree.loops, k + 2, h)
             across = math.cos(x) * about_z - math.sin(x) * about_y
             motion.end_momentum[k] = about_x
             motion.end_momentum[k + 1] = math.cos(x) * about_y + math.sin(x) * about_z
@@ -445,11 +467,14 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
         begin = motion.momentum[k]
         if tree.tree.is_ball[tree.tree.body[k]]:
             begin = changed(motion.end_momentum[k], motion.force, k, weight, -h)
+            begin -= tree_loops.impulse(tree.loops, k, h)
         value = load(motion.p, k) - begin
         for j in range(s):
             value = value - (h * motion.force[k, j]) * load(tree.nodes, j)
         store(motion.y, k, value)
+    tree_loops.add_pull(tree.loops, motion, h)
     mass_matrix.solve(tree.tree, motion)
+    tree_loops.correct(tree.loops, tree.tree, motion, h)
     largest, length = 0.0, max(AT_REST, speed_of_loads(tree, h))
     for k in range(motion.rate.size):
         metres = tree.tree.length[k]
@@ -552,7 +577,7 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
         _, _, v, W = body_motion(tree, b, last)
         put(state.a, tree.tree.frame[b], v)
         put(state.alpha, tree.tree.frame[b], W)
-    _set_end(tree, stages.tableau.force_weight, h)
+    _set_end(tree, workspace, stages, h)
     rest = 1.0 / (h * (1.0 - stages.tableau.force_time[last]))
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
@@ -569,6 +594,7 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
     for k in range(state.force.shape[0]):
         put(state.force, k, ZERO)
         put(state.violation, k, ZERO)
+    tree_loops.save(tree.loops, state, h)
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
     stages.last_step[0], stages.last_step[1] = state.time[0], h
@@ -599,9 +625,10 @@ def _save_rates(tree: TreeStages, R: np.ndarray) -> None:
 
 
 @kernel
-def _set_end(tree: TreeStages, weight: np.ndarray, h: float) -> None:
+def _set_end(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> None:
     """Set the motion at the end of the step in every lane."""
-    motion = tree.motion
+    motion, weight = tree.motion, stages.tableau.force_weight
+    tree_loops.set_pull(tree.loops)
     set_end_momenta(tree, weight, h)
     for k in range(motion.rate.size):
         store(motion.q, k, spread(changed(0.0, motion.u, k, weight, h)))
@@ -609,6 +636,7 @@ def _set_end(tree: TreeStages, weight: np.ndarray, h: float) -> None:
     recursion.set_places(tree.tree, motion)
     mass_matrix.set_factors(tree.tree, motion)
     mass_matrix.solve(tree.tree, motion)
+    tree_loops.project(tree.loops, tree.tree, motion, workspace, stages, h)
     for k in range(motion.rate.size):
         store(motion.u, k, load(motion.y, k))
     recursion.set_twists(tree.tree, motion)
