@@ -82,7 +82,7 @@ def page(costs: dict[str, Cost], repeats: int, machine: list[str]) -> str:
             f"The double pendulum of `{DECK.name}`, 10 s in 1000 steps, as complete processes; "
             f"{repeats} of each command, all commands in turn. Compiled code is there. msahl "
             "writes states, reactions, estimated errors and its record of the run; the scripts "
-            "with MuJoCo and Exudyn, `benchmarks/*_script.py`, write the states.\n",
+            "with other programs, `benchmarks/*_script.py`, write the states.\n",
             *[f"- {line}" for line in machine],
             f"\n{head}\n|---|---|---|---|---|",
             *rows,

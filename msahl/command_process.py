@@ -11,6 +11,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NoReturn
 
 YOUNG = 200_000
@@ -38,7 +39,9 @@ def run_command(load: Callable[[], Callable[[], Any]]) -> NoReturn:
     except SystemExit as end:
         status = end.code
     if (status is None or isinstance(status, int)) and can_leave():
-        _leave(status or 0)
+        with suppress(OSError, ValueError):  # something is not printed, which Python reports, too
+            finish()
+            os._exit((status or 0) & 0xFF)
     sys.exit(status)
 
 
@@ -51,19 +54,10 @@ def can_leave() -> bool:
     return all(one.daemon for one in others)
 
 
-def _leave(status: int) -> None:
-    """Leave at once, after what others registered to be done; return if something is not printed,
-    which Python reports, too."""
-    try:
-        _flush()
-        atexit._run_exitfuncs()
-        _flush()
-    except (OSError, ValueError):
-        return
-    os._exit(status & 0xFF)
-
-
-def _flush() -> None:
+def finish() -> None:
+    """Do what others registered for the end, and print what is kept; raises ``OSError`` or
+    ``ValueError`` if that cannot be printed."""
+    atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             stream.flush()

@@ -33,6 +33,15 @@ def test_titles_on_a_page_differ():
     assert deck_title(ROOT / "decks/thesis/top_2.xml") == "Heavy top on a ball joint, case 2"
 
 
+def test_the_site_takes_the_scripts_of_motions_and_not_their_data():
+    """MkDocs excludes pages of its hooks, too, if a pattern fits."""
+    load_config = pytest.importorskip("mkdocs.config").load_config
+    excluded = load_config(str(ROOT / "mkdocs.yml")).exclude_docs
+    assert excluded.match_file("examples/motions/mechanisms/four_bar.json")
+    assert not excluded.match_file("examples/motions/mechanisms/four_bar.js")
+    assert not excluded.match_file("examples/view.html")
+
+
 def test_motions_are_of_the_decks_as_they_are():
     """A deck that was changed much needs: python -m tools.docs.gallery DECK."""
     for name in ("mechanisms/four_bar", "machines/robot", "elastic/flexible_four_bar"):

@@ -15,6 +15,7 @@ LEAVES = (
     "msahl.locks",
     "msahl.records",
     "msahl.terminal",
+    "msahl.input_files",
     "msahl.printable",
     "msahl.resources",
     "msahl.subprocesses",

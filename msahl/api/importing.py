@@ -5,7 +5,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, Unpack
 
-from msahl.api.arguments import require
+from msahl.api.arguments import Weights, require
 from msahl.api.model import Model
 from msahl.deck import ParsedDeck
 from msahl.run.options import Choice
@@ -30,7 +30,7 @@ class ImportKeywords(TypedDict, total=False):
     pose: Mapping[str, float]  # coordinates of joints at t = 0 [rad, m] by name
     rates: Mapping[str, float]  # their rates [rad/s, m/s]
     key: str
-    packages: "Sequence[str | PathLike[str]]"
+    packages: "str | PathLike[str] | Sequence[str | PathLike[str]]"
 
 
 def import_file(path: "str | PathLike[str]", **options: Unpack[ImportKeywords]) -> ImportedModel:
@@ -43,8 +43,14 @@ def import_file(path: "str | PathLike[str]", **options: Unpack[ImportKeywords]) 
     from msahl.importers import BASES, ImportOptions
     from msahl.importers import import_file as read
 
-    require(base=(options.get("base", BASES[0]), Choice(BASES)))
+    require(
+        base=(options.get("base", BASES[0]), Choice(BASES)),
+        pose=(options.get("pose", {}), Weights()),
+        rates=(options.get("rates", {}), Weights()),
+    )
     given: dict[str, Any] = dict(options)
-    given["packages"] = tuple(map(Path, options.get("packages", ())))
+    packages = options.get("packages", ())
+    one = isinstance(packages, str | PathLike)
+    given["packages"] = tuple(map(Path, (packages,) if one else packages))  # type: ignore[arg-type]
     found = read(path, ImportOptions(**given))
     return ImportedModel(Model(ParsedDeck(found.source)), found.notes)

@@ -35,7 +35,7 @@ def clean(a: Vector) -> Vector:
     x = x if abs(x) > EXACT else 0.0
     y = y if abs(y) > EXACT else 0.0
     z = z if abs(z) > EXACT else 0.0
-    if (x != 0.0) + (y != 0.0) + (z != 0.0) == 1:
+    if (x, y, z).count(0.0) == 2:
         return (float(round(x)), float(round(y)), float(round(z)))
     return (x, y, z)
 

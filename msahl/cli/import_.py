@@ -89,9 +89,12 @@ def import_(file: Path, output: str | None, overwrite: bool, quiet: bool, **give
     if output == "-":
         click.echo(found.source.data, nl=False)
         return
+    copies = {target.parent / name: mesh for name, mesh in found.copies.items()}
+    for copy in () if overwrite else copies:
+        if copy.exists():
+            stop(f"{shown_path(copy)} exists; choose another deck with -o, or --overwrite")
     with writing(target, "choose another file with -o"):
-        for name, mesh in found.copies.items():
-            copy = target.parent.joinpath(*name.split("/"))
+        for copy, mesh in copies.items():
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(mesh, copy)
         target.write_bytes(found.source.data)

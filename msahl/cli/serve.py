@@ -60,7 +60,11 @@ def _stop(process: int, path: str) -> None:
     with suppress(ProcessLookupError):
         os.kill(process, signal.SIGTERM)
     until = time.monotonic() + PATIENCE
-    while Path(path).exists() and time.monotonic() < until:
+    while Path(path).exists():
+        if time.monotonic() > until:
+            return say(
+                f"msahl serve: process {process} ends after the commands that it carries out"
+            )
         time.sleep(0.01)
 
 

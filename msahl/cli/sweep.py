@@ -74,7 +74,8 @@ REPORT = 30.0
 @click.option("--measure", "measures", multiple=True, metavar="TEXT",
               help="Add a number of each run to runs.csv: a column of its tables and max, min, "
               "absmax, mean, rms, range, initial, final or 'at T' (\"Tip.z max\"; \"Hinge.F "
-              'absmax" takes the norm of Fx, Fy, Fz), "time of Crank.angle = 1.57", seconds (of '
+              'absmax" takes the norm of Fx, Fy, Fz), "displacement of Tip max", "time of '
+              'Crank.angle = 1.57", seconds (of '
               "the loop), or a figure of run.json such as energyErrorMax. Verdict and estimated "
               "error are there in any case. Repeat for more.")  # fmt: skip
 @click.option("--keep", type=click.Choice(("summary", "tables", "all")), default="summary",

@@ -5,7 +5,7 @@ Numbers are written so that reading returns the same double.
 
 from collections.abc import Iterable
 
-from lxml.etree import SubElement, tostring
+from lxml.etree import Comment, SubElement, tostring
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import Vector
@@ -19,6 +19,17 @@ LINE = 100
 """Characters of a line in which an element is written with all that it contains."""
 EACH_LINE = 6
 """Numbers of a list in one line."""
+
+
+def deck_bytes(root: Element, note: str = "") -> bytes:
+    """Return the text of a deck, with a ``note`` as a comment at its head."""
+    head = tostring(Comment(note)) + b"\n" if note else b""
+    return (
+        b"<?xml version='1.0' encoding='UTF-8'?>\n"
+        + head
+        + tostring(root, encoding="UTF-8")
+        + b"\n"
+    )
 
 
 def child(parent: Element, tag: str, text: str = "", **attributes: str) -> Element:

@@ -29,6 +29,8 @@ from msahl.expressions.syntax import nearest
 NAME, MASS = "name", "mass"
 MOST_COLUMNS = 100
 HEADING = re.compile(r"\s*(?P<name>[^\[\]()]*?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])])?\s*\Z")
+NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that elements cannot hold."""
 COLUMNS: Mapping[str, tuple[str, str]] = {
     NAME: ("name", ""),
     MASS: ("mass", "mass"),
@@ -76,6 +78,10 @@ def _rows(data: bytes, faults: Faults) -> Iterator[tuple[int, list[str]]]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         faults.stop("the table is not text in UTF-8; export it again")
+    foreign = NOT_XML.search(text)
+    if foreign:
+        line = text.count("\n", 0, foreign.start()) + 1
+        faults.stop(f"the character {foreign[0]!a} is not text; delete it", line)
     first = text.lstrip().partition("\n")[0]
     separator = max(",;\t", key=first.count)
     reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)

@@ -184,7 +184,7 @@ def _unknown(root: Element, path: str) -> str:
     """Return the message for a path that names no number."""
     numbers = list(islice(_numbers(root), MOST_SEARCHED))
     parameters = [attribute(e, "name") for e in root.iterfind("parameters/parameter")]
-    of_one = [str(n) for n in numbers if n.head and path.startswith(f"{n.head}.")]
+    of_one = [str(n) for n in numbers if n.head and f"{path}.".startswith(f"{n.head}.")]
     if of_one:
         shown = nearest(path, of_one)
         return f"the deck has no such number{shown}"

@@ -14,6 +14,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from msahl.deck.faults import Element, Faults, line_of
+from msahl.input_files import open_input
 
 DECK, PART = "data", "part"
 """Tags of the root of a deck, and of a file that decks include."""
@@ -40,7 +41,7 @@ _NO_DTD = (
 def read_bytes(path: Path, faults: Faults) -> bytes:
     """Return the file's bytes; raise ``DeckError`` if it cannot be read, is empty or too large."""
     try:
-        with path.open("rb") as stream:
+        with open_input(path) as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)

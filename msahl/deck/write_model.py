@@ -15,7 +15,7 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix
 from msahl.check.context import context_of
 from msahl.check.directions import frame
-from msahl.deck.elements import child, lay_out, number, number_unless, numbers, vector
+from msahl.deck.elements import child, deck_bytes, lay_out, number, number_unless, numbers, vector
 from msahl.deck.faults import Element
 from msahl.deck.units import UNITS, to_si
 from msahl.deck.values import INERTIAL_BASIS
@@ -70,9 +70,7 @@ def write_deck(model: Model, note: str = "") -> bytes:
     _write_system(child(root, "system"), model)
     _write_simulation(child(root, "simulation"), model)
     lay_out(root)
-    if note:
-        root.addprevious(etree.Comment(f" {note} "))
-    return etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8") + b"\n"
+    return deck_bytes(root, f" {note} " if note else "")
 
 
 def _write_system(system: Element, model: Model) -> None:

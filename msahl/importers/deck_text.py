@@ -5,13 +5,14 @@ from lxml import etree
 
 from msahl.algebra.rotation_arrays import plain_vector
 from msahl.algebra.vector import Vector
-from msahl.deck.elements import child, lay_out, number, vector
+from msahl.deck.elements import child, deck_bytes, lay_out, number, vector
 from msahl.deck.faults import Element
 from msahl.deck.joint_start import QUANTITIES
 from msahl.deck.write_model import write_deck
 from msahl.importers.build import Built
 from msahl.importers.joints import Start
 from msahl.joints.registry import KINDS
+from msahl.printable import printable
 
 COMMENT = "{kind} {name}, imported from {file} by msahl import.\n\n  {words}\n"
 PLACED = "The initialConditions of joints place the bodies and set them in motion."
@@ -28,9 +29,10 @@ def deck_text(built: Built, kind: str, file: str) -> bytes:
             _add_start(element, start)
     strip(root)
     lay_out(root)
-    words = COMMENT.format(kind=kind, name=built.model.simulation.title, file=file, words=PLACED)
-    root.addprevious(etree.Comment(f"\n  {in_comment(words)}"))
-    return etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8") + b"\n"
+    words = COMMENT.format(
+        kind=kind, name=built.model.simulation.title, file=printable(file), words=PLACED
+    )
+    return deck_bytes(root, f"\n  {in_comment(words)}")
 
 
 def _use_references(element: Element) -> None:

@@ -43,7 +43,7 @@ class MeshFiles:
             reason = f"mesh '{file}' is not below the folder of this file; {_remedy(file)}"
         elif path.suffix.lower() not in FILES:
             reason = f"mesh '{file}' is no STL or OBJ file; convert it"
-        elif not (scale[0] > 0.0 and math.isclose(scale[0], scale[1]) and scale[0] == scale[2]):
+        elif not (scale[0] > 0.0 and all(math.isclose(scale[0], one) for one in scale[1:])):
             reason = f"mesh '{file}' is scaled unevenly or mirrored; change the mesh instead"
         name = "" if path is None or reason else self._from_target(path)
         if not reason and not name:

@@ -16,7 +16,14 @@ import numpy as np
 
 from msahl.deck.faults import Element, attribute
 from msahl.importers.meshes import MeshFiles
-from msahl.importers.mjcf_settings import Settings, pose, rotation_of, several, smallest_to
+from msahl.importers.mjcf_settings import (
+    Settings,
+    pose,
+    resolved,
+    rotation_of,
+    several,
+    smallest_to,
+)
 from msahl.importers.reading import Log, number, numbers
 from msahl.importers.robot import Inertia, Look, Pose
 from msahl.importers.solids import mesh_solid, pyramids
@@ -27,6 +34,8 @@ SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 WATER = 1000.0
 """Default density [kg/m^3]."""
 CONTACT = "msahl has no contact"
+NOT_SOLID = {"convex": "its convex hull", "shell": "a shell"}
+"""Ways of MuJoCo to weigh a mesh that are not those here."""
 
 
 class Geoms:
@@ -34,10 +43,12 @@ class Geoms:
 
     def __init__(self, root: Element, settings: Settings, files: MeshFiles, log: Log) -> None:
         self.settings, self.files, self.log = settings, files, log
-        self.materials = {
-            attribute(e, "name"): _rgba(e, log) for e in root.iterfind("asset/material")
-        }
-        self.meshes = {_mesh_name(e): e for e in root.iterfind("asset/mesh")}
+        materials, meshes = (
+            [resolved(element, settings, log) for element in root.iterfind(f"asset/{tag}")]
+            for tag in ("material", "mesh")
+        )
+        self.materials = {attribute(e, "name"): _rgba(e, log) for e in materials}
+        self.meshes = {_mesh_name(e): e for e in meshes}
 
     def read(self, element: Element) -> tuple[list[Look], Inertia | None]:
         """Return the shape of a geom, if msahl has it, and its inertia in the frame of its body;
@@ -45,6 +56,8 @@ class Geoms:
         kind = attribute(element, "type", "mesh" if "mesh" in element.attrib else "sphere")
         if _collides(element, self.log):
             self.log.lost(element, CONTACT)
+        if element.get("shellinertia") == "true":
+            self.log.changed(element, "it is a shell; here it has the inertia of a solid")
         if kind == "mesh":
             return self._mesh(element)
         if kind not in SIZES:
@@ -106,8 +119,11 @@ class Geoms:
         if attribute(element, "mass") == "0" or not looks:
             return looks, None
         mesh = self.files.mesh(looks[0])
-        exact = asset.get("inertia") == "exact" or "exactmeshinertia" in self.settings.compiler
-        of = mesh_solid if exact else pyramids
+        by_compiler = self.settings.compiler.get("exactmeshinertia") == "true"
+        way = asset.get("inertia", "exact" if by_compiler else "legacy")
+        if way in NOT_SOLID:
+            self.log.changed(element, f"its mesh counts by its pyramids, not as {NOT_SOLID[way]}")
+        of = mesh_solid if way == "exact" else pyramids
         solid = None if mesh is None else of(mesh)
         if solid is None:
             self.log.lost(element, "its mesh is open or flat: no mass follows from it")

@@ -118,7 +118,8 @@ def parse_measure(text: str) -> Measure:
             return Measure(words, kind or found["kind"], found["column"], number)
     raise MeasureError(
         f"'{printable(words)}': write a column and one of {', '.join(STATISTICS)} or "
-        "'at TIME', such as 'Tip.z max'; or 'time of COLUMN = VALUE'; or one of "
+        "'at TIME', such as 'Tip.z max', or 'displacement of' these; or "
+        "'time of COLUMN = VALUE'; or one of "
         f"{', '.join(FIGURES)}"
     )
 

@@ -248,12 +248,17 @@ def _complete_lines(path: Path) -> TextIO:
 
 
 def _numbers(file: TextIO, columns: int) -> np.ndarray:
-    """Return the numbers (m, columns) of the lines that follow, without holding their text."""
+    """Return the numbers (m, columns) of the lines that follow, without holding their text; raises
+    ``ValueError``.
+    """
     for line in file:
         if line.strip():
             # numpy reads a decimal as the nearest double; pandas does so in some versions only.
             lines = chain((line,), file)
-            return np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
+            found = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
+            if found.shape[1] != columns:
+                raise ValueError("not as many numbers as columns")
+            return found
     return np.empty((0, columns))
 
 

@@ -181,10 +181,14 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 def replace_file(path: Path, content: bytes) -> None:
     """Write a file that is never seen half-written, in the disk space of its ``.part`` if there is
-    one.
+    one. A device or a pipe, such as /dev/stdout, is written into, not replaced.
     """
     if path.is_dir():  # before a part of it is written
         raise IsADirectoryError(EISDIR, os.strerror(EISDIR), str(path))
+    if path.is_char_device() or path.is_fifo():
+        with path.open("wb", buffering=0) as stream:
+            write_all(stream, content)
+        return
     part = path.with_name(path.name + PART)
     reuse = part.is_file() and not part.is_symlink() and part.stat().st_nlink == 1
     with _reopen(part) if reuse else create(part) as file:

@@ -304,7 +304,7 @@ def find_event(detector: Detector, first: int) -> bool:
 @optional(0.0)
 def fit(instant: Instant, output: DenseOutput) -> float:
     """Fit the dense output of a step of higher order; 1 if there is one."""
-    dense_output.fit(output, instant)
+    dense_output.fit(output, instant, dense_output.EVERY)
     return 1.0
 
 

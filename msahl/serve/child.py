@@ -5,7 +5,6 @@ limits, priority and processors; what it cannot take over, it refuses. It ends a
 without taking the program apart.
 """
 
-import atexit
 import os
 import resource
 import signal
@@ -17,6 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from msahl.command_process import finish
 from msahl.serve.client import ACCEPTED, ENDED, REFUSED
 from msahl.serve.handover import PASSED, peer
 from msahl.serve.received import Request
@@ -24,6 +24,8 @@ from msahl.serve.received import Request
 LIMITS = [getattr(resource, name) for name in dir(resource) if name.startswith("RLIMIT_")]
 PLACES = ("root", "ns/mnt", "ns/pid", "ns/user", "ns/net", "ns/ipc", "ns/uts")
 """What a container or a sandbox has of its own."""
+RIGHTS = ("Uid", "Gid", "Groups", "CapEff", "NoNewPrivs", "Seccomp")
+"""Lines of a process's status on what it may do."""
 BROKEN = 120
 """Python's exit status where the last of its output cannot be written."""
 
@@ -66,10 +68,14 @@ def _become(request: Request, client: int) -> None:
 
 
 def _take_limits(client: int) -> None:
-    """Take over limits, priority and processors; raises ``CannotError`` in another namespace."""
+    """Take over limits, priority and processors; raises ``CannotError`` in another namespace, or
+    with other rights.
+    """
     for place in PLACES:
         if Path(f"/proc/{client}/{place}").readlink() != Path(f"/proc/self/{place}").readlink():
             raise CannotError(place)
+    if _rights(f"{client}") != _rights("self"):
+        raise CannotError("rights")
     for limit in LIMITS:
         wanted = resource.prlimit(client, limit)
         if wanted != resource.getrlimit(limit):
@@ -78,6 +84,12 @@ def _take_limits(client: int) -> None:
     if niceness != os.getpriority(os.PRIO_PROCESS, 0):
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
     os.sched_setaffinity(0, os.sched_getaffinity(client))
+
+
+def _rights(process: str) -> list[str]:
+    """Return what a process may do, in the words of the system."""
+    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    return [line for line in lines if line.partition(":")[0] in RIGHTS]
 
 
 def _take_files(files: dict[int, int]) -> None:
@@ -99,22 +111,20 @@ def _take_files(files: dict[int, int]) -> None:
 
 def _status(program: Callable[[], object]) -> int:
     """Run the program; return its exit status."""
+    status: object = None
     try:
         program()
-        status = 0
     except SystemExit as end:
-        if not isinstance(end.code, int | None):
-            print(end.code, file=sys.stderr)
-        status = 1 if not isinstance(end.code, int | None) else (end.code or 0) & 0xFF
+        status = end.code
     except BaseException:
         sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]
         status = 1
+    if not isinstance(status, int | None):
+        print(status, file=sys.stderr)
+        status = 1
     threading._shutdown()  # type: ignore[attr-defined]
-    atexit._run_exitfuncs()
     try:
-        for stream in (sys.stdout, sys.stderr):
-            if stream is not None:
-                stream.flush()
+        finish()
     except (OSError, ValueError):
-        status = BROKEN
-    return status
+        return BROKEN
+    return (status or 0) & 0xFF

@@ -42,7 +42,12 @@ class Signals:
 
     def pass_to(self, process: int) -> None:
         """Pass on what was noted, and what will be, to a process."""
-        self.process = os.pidfd_open(process)
+        try:
+            self.process = os.pidfd_open(process)
+        except ProcessLookupError:  # it has ended already
+            return
+        except OSError:  # they end this process, and the server ends the other
+            return self.release()
         for number in self.early:
             self._note(number, None)
 
@@ -63,6 +68,7 @@ def hand_over(path: str, words: list[str]) -> int | None:
     """Have the server at ``path`` carry out a command line; return its exit status, or None if it
     does not. Raises ``OSError`` before anything was handed over.
     """
+    files = [number for number in range(3) if _is_open(number)]  # before others take their numbers
     connection = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
     try:
         connection.settimeout(PATIENCE)
@@ -70,25 +76,32 @@ def hand_over(path: str, words: list[str]) -> int | None:
         if peer(connection)[1] != os.geteuid() or connection.recv(1) != READY:
             return None
         connection.settimeout(None)
-        return _ask(connection, words)
+        return _ask(connection, words, files)
     finally:
         connection.close()
 
 
-def _ask(connection: _socket.socket, words: list[str]) -> int | None:
+def _ask(connection: _socket.socket, words: list[str], files: list[int]) -> int | None:
     """Send the request to a server that is ready, and wait for the end of the command."""
     signals = Signals()
     here = os.open(".", os.O_PATH | os.O_DIRECTORY)
-    files = [number for number in range(3) if _is_open(number)]
     request = packed(words, signals.ignored(), files)
+    answer = b""
     signals.catch()
-    _send(connection, request, [*files, here])
-    answer = _receive(connection, 5)
+    try:
+        _send(connection, request, [*files, here])
+        answer = _receive(connection, 5)
+    finally:
+        os.close(here)
+        if answer[:1] != ACCEPTED:
+            signals.release()
     if answer[:1] != ACCEPTED:
-        signals.release()
         return None
     signals.pass_to(int.from_bytes(answer[1:], "little"))
-    return _end(_receive(connection, 2))
+    try:
+        return _end(_receive(connection, 2))
+    except OSError:  # it was handed over, so it must not be carried out again
+        return LOST
 
 
 def peer(connection: _socket.socket) -> tuple[int, int]:

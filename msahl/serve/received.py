@@ -36,7 +36,7 @@ def receive(connection: socket.socket) -> Request | None:
             content += part
         if 4 < len(content) == size:
             return _unpacked(content[4:], descriptors)
-    except (ValueError, StopIteration, OSError):
+    except (ValueError, LookupError, StopIteration, OSError):
         pass
     for descriptor in descriptors:
         os.close(descriptor)

@@ -24,6 +24,8 @@ from msahl.serve.request import installation
 
 POLL = 10.0
 """Seconds between two looks at whether the server is still wanted."""
+CROWDED = 0.05
+"""Seconds until a connection is tried again that could not be taken."""
 
 
 class Sources:
@@ -110,7 +112,11 @@ class Server:
 
     def _welcome(self) -> None:
         """Take a new connection, if it is this user's."""
-        connection, _ = self.listener.accept()
+        try:
+            connection, _ = self.listener.accept()
+        except OSError:  # too many files are open; copies that end close theirs
+            time.sleep(CROWDED)
+            return
         self.last = time.monotonic()
         if peer(connection)[1] != os.geteuid() or self.ends:
             connection.close()
@@ -131,26 +137,31 @@ class Server:
             return
         if self.sources.changed():
             self.ends = True
-        if self.ends or request.installation != self.installation:
+        good = not self.ends and request.installation == self.installation
+        if not (good and self._fork(request, connection)):
             with suppress(OSError):
                 connection.send(REFUSED)
             connection.close()
-        else:
-            self._fork(request, connection)
         for descriptor in request.descriptors:
             os.close(descriptor)
 
-    def _fork(self, request: Request, connection: socket.socket) -> None:
-        """Carry out a request in a copy of this process."""
-        told, tell = os.pipe2(os.O_CLOEXEC)
-        process = os.fork()
+    def _fork(self, request: Request, connection: socket.socket) -> bool:
+        """Carry out a request in a copy of this process; return False if none can be made."""
+        pipe: tuple[int, ...] = ()
+        try:
+            told, tell = pipe = os.pipe2(os.O_CLOEXEC)
+            process = os.fork()
+        except OSError:  # too many files or processes
+            for end in pipe:
+                os.close(end)
+            return False
         if process:
             os.close(tell)
             self.running[process] = connection, told
             self.selector.register(
                 connection, selectors.EVENT_READ, lambda: self._abandon(process, connection)
             )
-            return
+            return True
         status = 1
         try:
             self._forget()
@@ -173,6 +184,8 @@ class Server:
 
     def _abandon(self, process: int, connection: socket.socket) -> None:
         """Kill the copy of a client that was killed."""
+        if process not in self.running:  # its end was noted just now, together with the client's
+            return
         self.selector.unregister(connection)
         with suppress(ProcessLookupError):
             os.kill(process, signal.SIGKILL)

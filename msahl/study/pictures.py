@@ -113,6 +113,7 @@ def _line(axes: Axes, y: float, words: str) -> None:
         ha="right",
         color="#555555",
         fontsize=8,
+        annotation_clip=True,  # words far outside would leave the axes no space
     )
 
 

@@ -2,14 +2,16 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from msahl.deck import DeckError, listed_parameters
+from msahl.deck import DeckError
+from msahl.deck.overrides import find_number
+from msahl.deck.parse import parse_with_comments
 from msahl.post.measures import unit_of
 from msahl.records import record
 from msahl.results.job import Job as Run
@@ -109,21 +111,25 @@ def check(sweep: Sweep) -> Sweep:
             f"'{twice[0]}' would be the head of two columns of runs.csv; rename the parameter of "
             "the deck, or give its values a unit"
         )
-    units = _units(sweep.job.columns, listed_parameters(run.given_text))
+    units = _units(sweep.job.columns, run.given_text)
     units |= {measure.text: unit_of(measure, run.model) for measure in measures}
     return replace(sweep, job=replace(sweep.job, digest=resolver.digest, units=units))
 
 
-def _units(columns: Sequence[Column], parameters: Mapping[str, Any]) -> dict[str, str]:
-    """Return the units of columns whose cells have none: those that options have, or parameters of
-    the deck."""
-    units = {}
+def _units(columns: Sequence[Column], given: bytes) -> dict[str, str]:
+    """Return the units of columns whose cells have none: those that options have, or numbers and
+    parameters of the expanded deck ``given``."""
+    units, root = {}, None
     for column in columns:
         if column.unit:
             continue
-        kind = BY_NAME[column.name].kind if column.option else None
-        known = "s" if isinstance(kind, Number) and kind.unit == SECONDS else ""
-        units[column.head] = known or parameters.get(column.name, {}).get("units", "")
+        if column.option:
+            kind = BY_NAME[column.name].kind
+            units[column.head] = "s" if isinstance(kind, Number) and kind.unit == SECONDS else ""
+        else:
+            root = parse_with_comments(given) if root is None else root
+            with suppress(LookupError):
+                units[column.head] = find_number(root, column.name).shown
     return {head: shown_unit(unit) for head, unit in units.items() if unit not in ("", "1")}
 
 

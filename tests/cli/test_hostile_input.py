@@ -2,6 +2,7 @@
 remedy, and nothing of Python."""
 
 import os
+import select
 import subprocess
 
 import pytest
@@ -106,10 +107,13 @@ def endless(tmp_path):
     """A pipe to which lines are written as long as somebody reads."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     writer = subprocess.Popen(("sh", "-c", f"exec yes 1,2 > '{pipe}'"), stderr=subprocess.DEVNULL)
+    select.select([end], [], [])  # somebody writes
     yield pipe
     writer.kill()
     writer.wait()
+    os.close(end)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
@@ -136,6 +140,20 @@ def test_a_table_may_come_from_a_pipe():
     said = refused(("inverse", FOUR_BAR, "--motion", f"/dev/fd/{end}"), f"/dev/fd/{end}")
     os.close(end)
     assert "no coordinate 'nothing'" in said
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("run",), "the file is empty"),
+        (("show",), "the file is empty"),
+        (("inverse", FOUR_BAR, "--motion"), "no column 'time'"),
+    ],
+)
+def test_a_pipe_into_which_nobody_writes_is_empty(words, expected, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    assert expected in refused((*words, tmp_path / "pipe"), "pipe")
 
 
 PENDULUM = ROOT / "decks" / "basics" / "pendulum_by_angle.xml"

@@ -40,6 +40,13 @@ def test_the_file_itself_is_never_overwritten(call, tmp_path):
     assert copy.read_bytes() == LEG.read_bytes()
 
 
+def test_a_file_may_have_a_name_that_xml_cannot_hold(call, tmp_path):
+    copy = tmp_path / "arm\x01--\udcff.urdf"
+    copy.write_bytes(ARM.read_bytes())
+    assert call(copy, "-o", "deck.xml").exit_code == 0
+    assert read_deck(tmp_path / "deck.xml").bodies
+
+
 def test_the_deck_may_go_to_the_terminal(call, tmp_path):
     result = call(ARM, "-o", "-", "--at", "elbow=0.5", "--rate", "shoulder=2")
     (tmp_path / "deck.xml").write_text(result.stdout)
@@ -79,6 +86,11 @@ def test_meshes_are_copied_if_that_is_wanted(call, tmp_path):
     assert (tmp_path / "decks" / "arm_meshes" / "part.stl").exists()
     check = CliRunner().invoke(main, ["check", "decks/arm.xml"])
     assert check.exit_code == 0
+    (tmp_path / "decks" / "arm.xml").unlink()
+    told = call(robots / "arm.urdf", "-o", "decks/arm.xml", "--copy-meshes")
+    assert told.exit_code == 2
+    assert "part.stl exists; choose another deck with -o, or --overwrite" in told.stderr
+    assert not (tmp_path / "decks" / "arm.xml").exists()
 
 
 def test_check_repairs_an_impossible_inertia_of_a_deck(tmp_path, monkeypatch):

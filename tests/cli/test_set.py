@@ -116,6 +116,11 @@ def test_check_and_explain_take_changes():
         assert f"{ROD}: --set len=2: the deck has no element or parameter 'len'" in result.stderr
 
 
+def test_the_name_of_a_body_alone_is_answered_with_its_numbers():
+    result = call("check", ROD, "--set", "Rod=2")
+    assert "--set Rod=2: the deck has no such number; known here: Rod.mass" in result.stderr
+
+
 def test_the_commands_of_a_study_contain_its_changes():
     model = read_deck(ROD)
     plan = Plan(model, (), (), "auto", None, 1e-6, "position", 10.0)

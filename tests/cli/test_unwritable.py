@@ -15,6 +15,7 @@ from tests.support.sweep_folders import write_sweep
 
 DECK = ROOT / "decks" / "basics" / "pendulum_by_angle.xml"
 CRANK = ROOT / "decks" / "mechanisms" / "slider_crank.xml"
+ROBOT = ROOT / "examples" / "arm.urdf"
 BRIEF = ("--t-final", "0.01", "--dt", "0.01")
 RUN, SWEEP = "run", "sweep"
 """Stand for folders with results."""
@@ -29,6 +30,7 @@ WRITING = [
     (main, "show", DECK),
     (main, "new", "pendulum"),
     (main, "schema"),
+    (main, "import", ROBOT),
     (post, "report", RUN),
     (post, "plot", RUN, "path"),
     (post, "view", RUN),
@@ -51,7 +53,7 @@ PRINTING = [
     (post, "sweep", SWEEP, "--csv"),
     (post, "--help"),
 ]
-ELSEWHERE = {"check", "explain", "compile", "inverse"}
+ELSEWHERE = {"check", "explain", "compile", "inverse", "serve"}
 """Commands that write no results, or whose tests have this case."""
 
 

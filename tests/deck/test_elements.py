@@ -380,7 +380,7 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
             root = etree.fromstring(complete.replace("</bodies>", f"{part}</bodies>"))
             assert schema.validate(root), schema.error_log
             continue
-        if part.startswith("<parameters>"):
+        if part.startswith(("<parameters>", "<includes>")):
             root = etree.fromstring(complete.replace("<data>", f"<data>{part}"))
             assert schema.validate(root), schema.error_log
             continue

@@ -100,6 +100,8 @@ def test_the_deck_of_a_run_needs_no_table(deck, tmp_path):
         ((HEADER, ROW, ROW), "the name is taken"),
         ((HEADER,), "the table has no bodies"),
         (("",), "the file is empty"),
+        ((HEADER, ROW, "B\x01,1,0,1,1,1,0"), r":3: the character '\x01' is not text; delete it"),
+        ((HEADER, "Arm,1\uffff,0,1,1,1,0"), r":2: the character '\uffff' is not text"),
         ((HEADER, "Arm,-2,0,1,1,1,0"), "the mass is -2 kg"),
     ],
 )

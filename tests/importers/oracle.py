@@ -1,4 +1,4 @@
-"""What MuJoCo says of the machines in examples/ and tests/importers/machines.
+"""What MuJoCo says of the machines in examples/.
 
     python -m tests.importers.oracle            writes expected.json, which the tests read
 

@@ -12,6 +12,7 @@ from msahl.deck import DeckError
 from msahl.expressions.text import text_of
 from msahl.importers import ImportOptions, import_file
 from tests.importers.joint_space import linkage
+from tests.importers.test_urdf import tetrahedron
 from tests.support.models import ROOT
 
 LEG = ROOT / "examples" / "leg.xml"
@@ -252,6 +253,45 @@ def test_what_has_no_counterpart_is_listed(imported):
         "its actuatorfrcrange", "msahl has no such element", "forces of a fluid: density",
         "settings of MuJoCo itself", "gravcomp: gravity acts on the body in full",
     }  # fmt: skip
+
+
+def test_meshes_and_materials_have_their_classes(imported, tmp_path):
+    tetrahedron(tmp_path / "t.stl")
+    others = (
+        '<default><mesh scale="2 2 2"/><material rgba="1 0 0 1"/>'
+        '<default class="small"><mesh scale="0.5 0.5 0.5"/></default></default>'
+        '<asset><mesh name="a" file="t.stl"/><mesh name="b" class="small" file="t.stl"/>'
+        '<material name="m"/></asset>'
+    )
+    geoms = "".join(f'<geom type="mesh" mesh="{m}" density="6" material="m"/>' for m in "ab")
+    found = imported(body(hinge() + geoms), others)
+    assert only_body(found).mass == pytest.approx(2.0**3 + 0.5**3)  # of tetrahedra of 1/6
+    shapes = found.source.model().shapes
+    assert [(shape.size, shape.colour) for shape in shapes] == [
+        ((2.0,), "#ff0000"), ((0.5,), "#ff0000"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("compiler", "mesh", "counts"),
+    [
+        ("", "", True),
+        ('exactmeshinertia="false"', "", True),
+        ('exactmeshinertia="true"', "", False),
+        ('exactmeshinertia="true"', 'inertia="convex"', True),
+        ("", 'inertia="exact"', False),
+    ],
+)
+def test_an_open_mesh_has_mass_by_its_pyramids_alone(imported, tmp_path, compiler, mesh, counts):
+    tetrahedron(tmp_path / "t.stl")
+    data = (tmp_path / "t.stl").read_bytes()
+    (tmp_path / "t.stl").write_bytes(data[:80] + bytes([3, 0, 0, 0]) + data[84:-50])  # a face less
+    others = f'<compiler {compiler}/><asset><mesh name="t" file="t.stl" {mesh}/></asset>'
+    found = imported(body(f'{hinge()}{BALL}<geom type="mesh" mesh="t" mass="1"/>'), others)
+    assert only_body(found).mass == (3.0 if counts else 2.0)
+    words = "\n".join(note.message for note in found.notes)
+    assert ("its mesh is open" in words) != counts
+    assert ("not as its convex hull" in words) == ("convex" in mesh)
 
 
 def test_included_files_lie_below_the_folder(tmp_path, imported):

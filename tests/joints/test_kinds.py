@@ -22,12 +22,17 @@ NOT_A_JOINT = {
 strains of beams that cannot change."""
 
 
+NAMING = ("joints", "importers")
+"""Folders whose subject are kinds: joints, and the translation of other formats' names to them."""
+
+
 def names_of_kinds():
-    """Names of kinds that stand as strings outside ``msahl/joints``, by file."""
+    """Names of kinds that stand as strings outside the folders ``NAMING``, by file."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         text = path.read_text()
-        if path.is_relative_to(PACKAGE / "joints") or not any(kind in text for kind in KINDS):
+        own = any(path.is_relative_to(PACKAGE / folder) for folder in NAMING)
+        if own or not any(kind in text for kind in KINDS):
             continue
         nodes = ast.walk(ast.parse(text))
         texts = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}

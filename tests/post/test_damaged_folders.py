@@ -257,6 +257,7 @@ DAMAGE = {
     "no rows": (BOTH, rows(lambda r: []), f"0 rows, {SAYS}"),
     "one cell less": (STATES, rows(lambda r: [r[0][:-1], *r[1:]]), ":2: 12 numbers under 13 col"),
     "no last column": (STATES, lambda cells: [row[:-1] for row in cells], "Bob.wz is missing"),
+    "shorter head": (STATES, lambda c: [c[0][:-1], *c[1:]], ":2: 13 numbers under 12 columns"),
     "no time": (STATES, lambda cells: [row[1:] for row in cells], "time is missing"),
     "column twice": (STATES, cell(0, 2, "Bob.x"), ":1: a column appears twice"),
     "other column": (STATES, cell(0, 2, "Bub.x"), "Bob.y is missing"),

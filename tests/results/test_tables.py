@@ -1,10 +1,12 @@
 """Tables on disk: every number as it was, complete or visibly partial, never of two runs."""
 
+import os
+
 import numpy as np
 import pytest
 
 from msahl.results.read import read_table
-from msahl.results.write import RunFolder, write_json
+from msahl.results.write import RunFolder, replace_file, write_json
 from msahl.system.build import build_system
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 from tests.support.models import loaded, pendulum
@@ -104,3 +106,13 @@ def test_json_is_written_complete(tmp_path):
     write_json(tmp_path / "run.json", {"a": 1.5, "b": None})
     assert (tmp_path / "run.json").read_text() == '{\n  "a": 1.5,\n  "b": null\n}\n'
     assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
+def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    end = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    replace_file(tmp_path / "pipe", b"<html>")
+    assert (tmp_path / "pipe").is_fifo()
+    assert os.read(end, 100) == b"<html>"
+    os.close(end)

@@ -10,13 +10,16 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 from msahl.entry import ask
 from msahl.serve import client
+from msahl.serve.server import Server, Sources
 from tests.support.models import ROOT
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="servers need Linux")
@@ -25,10 +28,14 @@ DECK = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 SHORT = ("run", DECK, "--t-final", "0.02", "--solver", "newton")
 LONG = ("run", DECK, "--t-final", "100000", "--solver", "newton", "--error", "off")
 MSAHL = (sys.executable, "-c", "from msahl.entry import main; main()")
-SERVED = (*MSAHL[:2], f"import sys; sys.modules['msahl.cli.start'] = None; {MSAHL[2]}")
-"""A client that cannot carry out a command itself."""
 SECONDS = 120
 """Time limit; nothing takes that long unless it hangs."""
+SERVED = (
+    *MSAHL[:2],
+    "import sys; sys.modules['msahl.cli.start'] = None; import msahl.serve.handover as handover; "
+    f"handover.PATIENCE = {SECONDS}; {MSAHL[2]}",
+)
+"""A client that cannot carry out a command itself, and waits for a server on a busy machine."""
 
 
 def start(*words, program=SERVED, **settings):
@@ -74,9 +81,11 @@ def runtime(tmp_path_factory):
 
 @pytest.fixture
 def process(runtime):
-    """The server's process."""
+    """The server's process, when it carries out nothing."""
     _, _, err = msahl("serve")
-    return int(re.search(rb"process (\d+)", err)[1])
+    number = int(re.search(rb"process (\d+)", err)[1])
+    wait_for(lambda: not children(number))
+    return number
 
 
 def children(process):
@@ -91,9 +100,15 @@ def wait_for(condition):
 
 
 def started(process):
-    """Wait until a copy of the server runs steps; its process."""
+    """Wait for a copy of the server; its process."""
     wait_for(lambda: children(process))
     return int(children(process)[0])
+
+
+def writes(folder):
+    """Whether a run has written rows."""
+    table = folder / "states.csv.part"
+    return lambda: table.exists() and table.stat().st_size > 4096
 
 
 def files(folder):
@@ -142,9 +157,8 @@ def test_a_run_writes_the_same_files(runtime, tmp_path):
 def test_the_commands_are_carried_out_by_the_server(runtime, process, tmp_path):
     run = start(*LONG, "-o", tmp_path / "run")
     copy = started(process)
-    about = tmp_path / "run" / "run.json.part"
-    wait_for(about.exists)
-    assert json.loads(about.read_bytes())["pid"] == copy
+    wait_for(writes(tmp_path / "run"))
+    assert json.loads((tmp_path / "run" / "run.json.part").read_bytes())["pid"] == copy
     run.send_signal(signal.SIGINT)
     run.communicate(timeout=SECONDS)
 
@@ -155,8 +169,7 @@ def test_an_interruption_ends_the_run_as_without(runtime, process, tmp_path, num
     for program in (SERVED, ("env", "MSAHL_SERVER=0", *MSAHL)):
         folder = tmp_path / "run"
         run = start(*LONG, "-o", folder, program=program)
-        wait_for(lambda folder=folder: any(folder.glob("states.csv.part")))
-        time.sleep(0.5)
+        wait_for(writes(folder))
         run.send_signal(number)
         _, err = run.communicate(timeout=SECONDS)
         endings.append((run.returncode, re.sub(rb"[0-9.e+-]+", b"#", err)))
@@ -169,7 +182,7 @@ def test_an_interruption_ends_the_run_as_without(runtime, process, tmp_path, num
 def test_a_signal_that_kills_kills_both(runtime, process, tmp_path, number):
     run = start(*LONG, "-o", tmp_path / "run")
     started(process)
-    wait_for(lambda: any((tmp_path / "run").glob("states.csv.part")))
+    wait_for(writes(tmp_path / "run"))
     run.send_signal(number)
     run.communicate(timeout=SECONDS)
     assert run.returncode == -number
@@ -179,10 +192,8 @@ def test_a_signal_that_kills_kills_both(runtime, process, tmp_path, number):
 def test_what_was_ignored_is_ignored(runtime, process, tmp_path):
     run = start(*LONG, "-o", tmp_path / "run", program=("nohup", *SERVED))
     started(process)
-    wait_for(lambda: any((tmp_path / "run").glob("states.csv.part")))
-    run.send_signal(signal.SIGHUP)
-    time.sleep(0.2)
-    assert run.poll() is None
+    wait_for(writes(tmp_path / "run"))
+    run.send_signal(signal.SIGHUP)  # the lower number is received first
     run.send_signal(signal.SIGTERM)
     run.communicate(timeout=SECONDS)
     assert run.returncode == 128 + signal.SIGTERM
@@ -191,7 +202,7 @@ def test_what_was_ignored_is_ignored(runtime, process, tmp_path):
 def test_a_stopped_client_stops_the_run(runtime, process, tmp_path):
     run = start(*LONG, "-o", tmp_path / "run")
     copy = started(process)
-    wait_for(lambda: any((tmp_path / "run").glob("states.csv.part")))
+    wait_for(writes(tmp_path / "run"))
 
     def state(number):
         return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
@@ -215,7 +226,7 @@ def test_a_killed_client_ends_its_run(runtime, process, tmp_path):
 def test_a_killed_run_is_reported_and_the_server_lives(runtime, process, tmp_path):
     run = start(*LONG, "-o", tmp_path / "run")
     copy = started(process)
-    wait_for(lambda: any((tmp_path / "run").glob("states.csv.part")))
+    wait_for(writes(tmp_path / "run"))
     os.kill(copy, signal.SIGSEGV)
     run.communicate(timeout=SECONDS)
     assert run.returncode == -signal.SIGSEGV
@@ -274,9 +285,20 @@ def test_a_terminal_is_a_terminal(runtime, tmp_path):
         run = start(*words, program=program, stdout=theirs, stderr=theirs)
         assert run.wait(timeout=SECONDS) == 0
         os.close(theirs)
-        shown.append(os.read(ours, 1 << 16))
-        os.close(ours)
+        shown.append(last_of_terminal(ours))
     assert shown[0] == shown[1]
+    assert b"100%" in shown[0]
+
+
+def last_of_terminal(terminal):
+    """What stands on a terminal at the end: bars begin their line again, on a slow machine more
+    often."""
+    printed = b""
+    with suppress(OSError):  # nobody has it open any more
+        while part := os.read(terminal, 1 << 12):
+            printed += part
+    os.close(terminal)
+    return printed.replace(b"\r\n", b"\n").rpartition(b"\r")[2]
 
 
 def test_another_environment_is_not_served(runtime, tmp_path):
@@ -286,6 +308,14 @@ def test_another_environment_is_not_served(runtime, tmp_path):
     assert status == 1
     assert b"ImportError" in err or b"ModuleNotFoundError" in err
     assert msahl("schema", env=environment) == call("schema")
+
+
+@pytest.mark.skipif(not shutil.which("setpriv"), reason="setpriv is not installed")
+def test_a_process_with_other_rights_is_not_served(runtime):
+    """It must not get by the server what it may not do itself."""
+    status, _, err = call("schema", program=("setpriv", "--no-new-privs", *SERVED))
+    assert status == 1
+    assert b"ImportError" in err or b"ModuleNotFoundError" in err
 
 
 def test_files_of_the_process_itself_are_not_served():
@@ -320,6 +350,67 @@ def test_a_silent_server_is_passed_over(place, monkeypatch):
     listener.listen()
     assert ask(["msahl", "schema"]) is None
     listener.close()
+
+
+@contextmanager
+def answering(place, *answers):
+    """A server that says that it is ready, and to the first request what is given."""
+
+    def answer():
+        connection, _ = listener.accept()
+        with connection:
+            connection.send(client.READY)
+            connection.recv(1 << 20)
+            connection.send(b"".join(answers))
+
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(place))
+        listener.listen()
+        listener.settimeout(SECONDS)
+        server = threading.Thread(target=answer)
+        server.start()
+        yield
+        server.join()
+
+
+def test_a_command_that_ended_before_its_process_was_known_is_not_repeated(place):
+    """The client was not awake meanwhile; that process does not exist any more."""
+    with subprocess.Popen(["true"]) as ended:
+        ended.wait()
+    known = ended.pid.to_bytes(4, "little")
+    with answering(place, client.ACCEPTED, known, client.ENDED, b"\3"):
+        assert call("schema") == (3, b"", b"")
+
+
+def open_files():
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+@pytest.mark.parametrize("answer", [client.REFUSED, b""], ids=["refused", "closed"])
+def test_signals_do_what_they_did_where_nothing_was_handed_over(place, answer):
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    files = open_files()
+    with answering(place, answer):
+        assert ask(["msahl", "schema"]) is None
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+    assert open_files() == files
+
+
+def test_a_copy_that_has_ended_is_not_killed(place, monkeypatch):
+    """Its client is gone as well, and its number may be another process's by now."""
+    monkeypatch.setattr(os, "kill", lambda *given: pytest.fail("killed"))
+    server = Server(lambda: None, list, lambda names: None, Sources([]), 1.0)
+    with socket.socket(socket.AF_UNIX) as connection:
+        server._abandon(os.getpid(), connection)
+
+
+def test_a_server_that_can_make_no_copy_refuses(place, monkeypatch):
+    monkeypatch.setattr(os, "fork", lambda: (_ for _ in ()).throw(BlockingIOError))
+    server = Server(lambda: None, list, lambda names: None, Sources([]), 1.0)
+    files = open_files()
+    with socket.socket(socket.AF_UNIX) as connection:
+        assert not server._fork(None, connection)
+    assert open_files() == files
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o720, 0o750])
@@ -373,9 +464,8 @@ def test_a_killed_server_leaves_the_run_to_its_end(tmp_path):
     process = int(re.search(rb"process (\d+)", err)[1])
     run = start(*LONG, "-o", tmp_path / "run", env=environment)
     started(process)
-    wait_for(lambda: any((tmp_path / "run").glob("states.csv.part")))
+    wait_for(writes(tmp_path / "run"))
     os.kill(process, signal.SIGKILL)
-    time.sleep(0.2)
     run.send_signal(signal.SIGINT)
     run.communicate(timeout=SECONDS)
     assert run.returncode == 128 + signal.SIGINT
@@ -390,8 +480,8 @@ def test_a_killed_server_leaves_the_run_to_its_end(tmp_path):
 def test_a_makefile_of_many_runs(runtime, tmp_path):
     command = f'{MSAHL[0]} -c "{SERVED[2]}" run {DECK} --error off --solver newton'
     (tmp_path / "Makefile").write_text(
-        "all: $(foreach k,$(shell seq 100),$(k).run)\n"
+        "all: $(foreach k,$(shell seq 30),$(k).run)\n"
         f"%.run:\n\t@{command} --t-final 0.0$* -q -o $@\n"
     )
     subprocess.run(["make", "-s", "-j2"], cwd=tmp_path, check=True, timeout=600)
-    assert len([path for path in tmp_path.glob("*.run") if (path / "states.csv").is_file()]) == 100
+    assert len([path for path in tmp_path.glob("*.run") if (path / "states.csv").is_file()]) == 30

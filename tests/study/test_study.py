@@ -227,6 +227,15 @@ def test_pictures_can_be_read():
                 assert sum(t.startswith(("1.9", "2.0")) for t in texts) >= 6
 
 
+def test_a_target_far_outside_leaves_space_for_the_axes():
+    plan = patient_plan(deck("thesis/single_pendulum_45"), HALVED, ("preserving",), repeats=1)
+    with style():
+        _, _, figure = next(iter(pictures(study(replace(plan, target=1e20)))))
+        figure.canvas.draw()  # warns, which is an error in tests, if words leave no space
+        legend = figure.legends[0].get_window_extent()
+        assert not legend.overlaps(figure.axes[0].get_window_extent())
+
+
 @pytest.mark.parametrize("arguments", [["--reference", "nowhere"], ["--dt", "99"]])
 def test_faults_are_reported(arguments, tmp_path):
     name = str(DECKS / "thesis" / "double_pendulum_45.xml")

@@ -238,6 +238,13 @@ def test_a_finished_sweep_of_another_user_is_done(tmp_path, monkeypatch):
         carry_out(sweep(folder, "L=60,90 cm"), FakeScheduler())
 
 
+def test_numbers_of_the_deck_have_its_units_and_others_their_own(tmp_path):
+    sets = ("L=80", "start=60 deg", "Rod.mass=1,2", "Rod.moi.Izz=0.7", "Hinge.child.position.z=0.4")
+    carry_out(sweep(tmp_path, *sets), FakeScheduler())
+    units = {"L": "cm", "Rod.mass": "kg", "Rod.moi.Izz": "kg cm^2", "Hinge.child.position.z": "SI"}
+    assert read_info(tmp_path)["units"] == units
+
+
 @pytest.mark.parametrize("value", [None, True, 3, "x", [], [1], {}, {"path": 3}, {"relative": 3},
                                    {"relative": "x" * 5000, "path": "\n"}])  # fmt: skip
 def test_whatever_sweep_json_holds_a_sweep_goes_on(tmp_path, value):

@@ -20,6 +20,7 @@ from msahl.analysis.inverse.columns import header, in_si
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.run_error import RunError, run_error
 from msahl.expressions.syntax import nearest
+from msahl.input_files import open_input
 from msahl.joints.coordinates import ORIENTATION, SPATIAL, SUFFIXES, coordinates, is_angle
 from msahl.model import Joint, Model
 from msahl.printable import printable, shown_path
@@ -173,7 +174,7 @@ def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
     if path.is_char_device():
         raise InverseError(f"{shown}: a device, not a table; give the path of a CSV file")
     try:
-        with path.open("rb") as file:  # which may be a pipe without end
+        with open_input(path) as file:  # which may be a pipe without end
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
             most = f"{MOST_BYTES // 2**20} MiB, the largest table accepted"
@@ -198,7 +199,7 @@ def _read_table(path: Path) -> tuple[list[str], np.ndarray]:
 def _check(columns: list[str], numbers: np.ndarray, model: Model, source: str) -> None:
     """Raise ``InverseError`` at the first fault of a table."""
     if TIME not in columns:
-        raise InverseError(f"{source}: no column 'time'; name the column of times [s] so")
+        raise InverseError(f"{source}: no column 'time'; name that of times [s] so, or by --map")
     twice = [name for name in columns if columns.count(name) > 1]
     if twice:
         raise InverseError(f"{source}: the column {printable(twice[0])} appears twice; remove one")

@@ -7,6 +7,7 @@ from xml.parsers import expat
 
 from msahl.deck.faults import Element, attribute, line_of, text
 from msahl.deck.source import Readable
+from msahl.input_files import open_input
 
 DEEP = 4
 """Depth of the elements of ``<system>`` and ``<simulation>`` whose lines are looked for."""
@@ -24,7 +25,7 @@ def files_of(deck: Path, readable: Readable) -> list[Path]:
 def file_text(path: Path) -> str:
     """Return the text of a file, as far as it can be read and shown."""
     try:
-        with path.open("rb") as file:  # which may be a device without end
+        with open_input(path) as file:  # which may be a device without end
             data = file.read(LARGEST + 1)
     except OSError as error:
         return f"(cannot be read: {error.strerror or error})"

@@ -29,7 +29,7 @@ from msahl.post.view.columns import columns_of_run, pack_columns
 from msahl.post.view.poses import Poses, choose_keys, pack_poses, poses_of_run
 from msahl.records import record
 from msahl.results.sample import Sample, read_sample
-from msahl.run.tables import JOINTS
+from msahl.run.tables import JOINTS, MARKERS
 
 POSE_NUMBERS = 300_000
 """Most numbers of key poses of ten bodies, and in proportion of more: about 300 kB of the page."""
@@ -151,8 +151,9 @@ def viewer_page(shown: Sequence[Shown], graph: Sequence[str] = ()) -> str:
 
 
 def first_columns(packed: Mapping[str, Any]) -> list[str]:
-    """Choose columns for a first graph: coordinates of joints, else positions, of one unit, and
-    only such as change."""
+    """Choose columns for a first graph: coordinates of joints, else positions, of markers if there
+    are some, of one unit, and only such as change.
+    """
     moving = [
         (name, unit, table)
         for name, unit, table, step in zip(
@@ -162,5 +163,6 @@ def first_columns(packed: Mapping[str, Any]) -> list[str]:
     ]
     chosen = [c for c in moving if c[2] == JOINTS and is_angle(c[0].rpartition(".")[2])]
     chosen = chosen or [c for c in moving if c[2] == JOINTS and c[1] == "m"]
+    chosen = chosen or [c for c in moving if c[2] == MARKERS and c[1] == "m"]
     chosen = chosen or [c for c in moving if c[1] == "m"] or moving
     return [name for name, unit, _ in chosen if unit == chosen[0][1]][:CURVES]

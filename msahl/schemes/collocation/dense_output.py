@@ -66,9 +66,10 @@ ENDS = 6
 """Conditions at the ends of a step: position, velocity and acceleration at both."""
 COARSE = -1
 """Level without accelerations, for which ``fit_ends`` is enough: cubic polynomials."""
-DIVERGES, BLUR = 4.0, 1e-13
+DIVERGES, BLUR, EVERY = 4.0, 1e-13, 1e300
 """Growth from level to level of the difference of accelerations above which a level is not used,
-and the difference, over the size of the model, below which it is round-off that does no harm."""
+the difference, over the size of the model, below which it is round-off that does no harm, and a
+growth that no level has."""
 PROJECTIONS = 2
 """Projections of interpolated positions onto the constraints; convergence is quadratic."""
 INWARDS, ROUND_OFF = 1e-12, 2e-15
@@ -268,8 +269,11 @@ def fit_ends(output: DenseOutput) -> None:
 
 
 @unit
-def fit(output: DenseOutput, instant: Instant) -> None:
-    """Fit the polynomials between ``begin`` and ``end``, of the highest level that is of use."""
+def fit(output: DenseOutput, instant: Instant, growth: float) -> None:
+    """Fit the polynomials between ``begin`` and ``end``, up to the level at which accelerations
+    differ from those of the level before by ``growth`` times as much as there: ``DIVERGES`` for
+    what is reported, ``EVERY`` where a step may have passed an event, at which they jump.
+    """
     signal_group = output.workspace.system.forces.signals
     h, before = output.end.time[0] - output.begin.time[0], 0.0
     fit_ends(output)
@@ -285,7 +289,7 @@ def fit(output: DenseOutput, instant: Instant) -> None:
                 interpolate(output, h, output.nodes[level, m])
             save_accelerations(output, instant, h, m)
         off, second = _largest_defect(output, level, count)
-        if off > DIVERGES * (second if level == 0 else before) and off > BLUR * _size(output):
+        if off > growth * (second if level == 0 else before) and off > BLUR * _size(output):
             return
         _enter_accelerations(output, level, count)
         before = off

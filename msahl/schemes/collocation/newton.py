@@ -296,7 +296,7 @@ def record_step(
         accelerations.write_instantaneous_reactions(workspace, instant, end)
     if last > first:
         dense_output.save_end(output.end, workspace)
-        dense_output.fit(output, instant)
+        dense_output.fit(output, instant, dense_output.DIVERGES)
         for row in range(first, last):
             dense_output.write_row(output, instant, share[row], row)
 

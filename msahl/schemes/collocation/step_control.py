@@ -548,7 +548,7 @@ def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float)
     """Save the middle of the long step, by its dense output."""
     output = subsystem.dense_output
     dense_output.save_end(output.end, subsystem.workspace)
-    dense_output.fit(output, subsystem.instant)
+    dense_output.fit(output, subsystem.instant, dense_output.EVERY)
     dense_output.set_basis_weights(output, output.level[0], 0.5)
     dense_output.interpolate(output, h, 0.5)
     copy(output.workspace.state.x, control.x)
@@ -695,7 +695,7 @@ def write_rows(subsystem: CollocationWorkspace, control: StepControl, times: np.
             if times[row] > t + h * (1.0 + 1e-9):
                 break
             if not fitted:
-                dense_output.fit(output, subsystem.instant)
+                dense_output.fit(output, subsystem.instant, dense_output.DIVERGES)
                 fitted = True
             dense_output.write_row(output, subsystem.instant, (times[row] - t) / h, row)
             control.counts[ROWS] += 1

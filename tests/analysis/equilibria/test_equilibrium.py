@@ -63,6 +63,16 @@ def test_two_bars_between_supports_have_both_equilibria():
         assert stability(found[at].place.point).startswith("stable" if height < 0 else "unstable")
 
 
+def test_rods_on_spherical_joints_hang_and_stand_in_four_ways():
+    rods = row_of_links([(0.0, 0.0, 0.0), (0.6, 0.0, -0.8), (1.2, 0.0, -1.6)])
+    free = replace(rods, joints=rods.joints[:2])
+    found = all_equilibria(at_start(free), REST, 8)
+    # Heights of the two mass centres, of rods of 1 m.
+    # Newton's method ends near round-off, 1e-15; nine digits are those that order the pairs.
+    heights = sorted(tuple(s.place.point.state.x[:2, 2].round(9)) for s in found)
+    assert heights == [(-0.5, -1.5), (-0.5, -0.5), (0.5, 0.5), (0.5, 1.5)]
+
+
 def catenary(links, kind="spherical"):
     """Links that hang in a triangle between supports two thirds of their length apart."""
     span = links * 2.0 / 3.0

@@ -14,6 +14,7 @@ from msahl.algebra.rotation_arrays import quaternions
 from msahl.cli.main import main as msahl
 from msahl.post.cli import main as msahl_post
 from msahl.post.view import Shown, show_run, viewer_page
+from msahl.post.view.viewer import first_columns
 from msahl.results.read import read_run
 from tests.post.web.test_web import PAYLOADS
 from tests.support import run_folders
@@ -351,3 +352,9 @@ def test_a_row_of_the_list_selects_an_element(view, pendulum) -> None:
     assert "Pivot" in page.locator(".tree li.selected").text_content()
     page.keyboard.press("Escape")
     assert page.evaluate("window.told") is None
+
+
+def test_the_graph_shows_markers_before_the_nodes_of_a_beam():
+    names, tables = ["Bar.2.z", "Tip.x", "Tip.z", "Tip.vz"], ["states", *["markers"] * 3]
+    packed = {"names": names, "units": ["m", "m", "m", "m/s"], "tables": tables}
+    assert first_columns(packed | {"step": [1e-9, 0.0, 1e-9, 1e-9]}) == ["Tip.z"]
