@@ -2,19 +2,15 @@
 
 ``make wheel`` puts the machine code of all kernels into the package. Such a wheel is for one
 platform and needs no compiler. Every other installation needs numba and compiles what a run needs
-when it needs it, or at once, for this machine: ``MSAHL_COMPILE=all pip install ...``. Instead of
-all, the variable may name decks (separated as in PATH), whose kernels are compiled.
+when it needs it.
 """
 
-import os
 import platform
-import subprocess
 import sys
 import sysconfig
 from pathlib import Path
 
 from setuptools import setup
-from setuptools.command.build_py import build_py
 
 ALWAYS = [
     "click>=8.1",
@@ -30,19 +26,6 @@ ALWAYS = [
 ]
 COMPILER = "numba>=0.66,<0.69"  # msahl/jit/machine_code.py extends its insides
 HAS_KERNELS = Path("msahl/kernels").is_dir()
-COMPILED = os.environ.get("MSAHL_COMPILE", "")
-
-
-class WithKernels(build_py):
-    """Copies the modules, and compiles kernels for this machine beside them."""
-
-    def run(self):
-        """Build the package."""
-        super().run()
-        target = Path(self.build_lib).absolute() / "msahl" / "kernels"
-        decks = [] if COMPILED == "all" else COMPILED.split(os.pathsep)
-        command = [sys.executable, "-m", "tools.build_wheel", "--into", str(target), *decks]
-        subprocess.run(command, check=True)
 
 
 def platform_tag():
@@ -54,12 +37,5 @@ def platform_tag():
 
 if HAS_KERNELS:
     setup(install_requires=ALWAYS, options={"bdist_wheel": {"plat_name": platform_tag()}})
-elif COMPILED:
-    setup(
-        install_requires=[*ALWAYS, COMPILER],
-        setup_requires=[*ALWAYS, COMPILER],
-        cmdclass={"build_py": WithKernels},
-        options={"bdist_wheel": {"plat_name": platform_tag()}},
-    )
 else:
     setup(install_requires=[*ALWAYS, COMPILER])

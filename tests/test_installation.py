@@ -115,16 +115,6 @@ def test_a_source_distribution_runs_a_deck(folder):
     execute(commands + RUN, folder, [folder / ".venv" / "bin"])
 
 
-def test_kernels_are_compiled_while_installing_if_that_is_asked_for(folder):
-    """For one deck: all kernels take minutes."""
-    copy_sources(folder)
-    asked = "MSAHL_COMPILE=$PWD/msahl/deck/templates/pendulum.xml"
-    install = f"python3 -m venv .venv\n{asked} pip install -q .\n"
-    own = f"rm -r msahl decks schemas\nexport NUMBA_CACHE_DIR={folder / 'kernels'}\n"
-    execute(install + own + RUN, folder, [folder / ".venv" / "bin"])
-    assert not (folder / "kernels").exists()
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="the wheel is for Linux")
 def test_a_platform_wheel_runs_a_deck_without_numba(folder):
     """The wheel has the kernels of one deck only: all of them take minutes to compile."""
