@@ -288,11 +288,12 @@ def fit(output: DenseOutput, instant: Instant, growth: float) -> None:
                 set_basis_weights(output, level - 1, output.nodes[level, m])
                 interpolate(output, h, output.nodes[level, m])
             save_accelerations(output, instant, h, m)
-        off, second = _largest_defect(output, level, count)
-        if off > growth * (second if level == 0 else before) and off > BLUR * _size(output):
-            return
+        if growth < EVERY:
+            off, second = _largest_defect(output, level, count)
+            if off > growth * (second if level == 0 else before) and off > BLUR * _size(output):
+                return
+            before = off
         _enter_accelerations(output, level, count)
-        before = off
 
 
 @kernel
