@@ -2,7 +2,6 @@
 
     python -m tools.build_wheel                 all kernels (make wheel)
     python -m tools.build_wheel -o DIR DECK...  only the kernels that these decks need
-    python -m tools.build_wheel --into DIR      no wheel, only the kernels for this machine
 
 The kernels are compiled in a process of its own with an empty cache, for the levels of processors
 that ``msahl.jit.files`` names (x86-64: two) instead of for this machine. What numba translates is
@@ -24,28 +23,26 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from msahl.jit import building, compiled
-from msahl.jit.files import PORTABLE, Files, level_of_machine, portable_name
+from msahl.jit.files import PORTABLE, Files, portable_name
 from msahl.jit.kernel_store import HEAD, Store, digest_of
 from msahl.jit.object_file import Name, ObjectFile
 from msahl.locks import lock
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("msahl", "decks", "schemas", "LICENSE", "README.md", "pyproject.toml", "setup.py",
-           "MANIFEST.in", "tools/__init__.py", "tools/build_wheel.py")  # fmt: skip
+SOURCES = ("msahl", "decks", "schemas", "LICENSE", "README.md", "pyproject.toml", "setup.py")
 """What an installation is made from."""
 PREFIX = "msahl-wheel-"
 
 
 def copy_sources(target: Path) -> None:
     """Copy the sources into a new folder, without anything that was built."""
+    target.mkdir(parents=True)
     ignored = shutil.ignore_patterns("__pycache__", "kernels")
     for name in SOURCES:
-        place = target / name
-        place.parent.mkdir(parents=True, exist_ok=True)
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, place, ignore=ignored)
+            shutil.copytree(ROOT / name, target / name, ignore=ignored)
         else:
-            shutil.copy(ROOT / name, place)
+            shutil.copy(ROOT / name, target / name)
 
 
 @contextmanager
@@ -73,8 +70,9 @@ def remove_abandoned() -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def compile_into(target: Path, levels: list[str], decks: list[str], folder: Path) -> None:
+def compile_into(target: Path, decks: list[str], folder: Path) -> None:
     """Compile the kernels of some decks, or all, into a folder for each level of ``target``."""
+    levels = list(PORTABLE)
     # The name of the level implies its features; those of this machine must not be added.
     environment = os.environ | {
         "NUMBA_CACHE_DIR": str(folder / "cache"),
@@ -145,7 +143,7 @@ def build_wheel(output: str, decks: list[str]) -> None:
     with temporary_folder() as folder:
         sources = folder / "sources"
         copy_sources(sources)
-        compile_into(sources / "msahl" / "kernels", list(PORTABLE), decks, folder)
+        compile_into(sources / "msahl" / "kernels", decks, folder)
         pip = [sys.executable, "-m", "pip", "wheel", "-q", "--disable-pip-version-check"]
         environment = os.environ | {"TMPDIR": str(folder)}
         command = [*pip, "--no-deps", "-w", output, str(sources)]
@@ -153,19 +151,14 @@ def build_wheel(output: str, decks: list[str]) -> None:
 
 
 def main() -> None:
-    """Write the wheel, or the kernels of this machine."""
+    """Write the wheel."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", default="dist", help="folder of the wheel")
-    parser.add_argument("--into", type=Path, help="folder for the kernels of this machine")
     parser.add_argument("decks", nargs="*", help="decks to compile for (default: all kernels)")
     given = parser.parse_args()
     if not PORTABLE:
         sys.exit("machine code in wheels is made for x86-64 and 64-bit ARM only")
-    if not given.into:
-        build_wheel(given.o, given.decks)
-        return
-    with temporary_folder() as folder:
-        compile_into(given.into.absolute(), [level_of_machine()], given.decks, folder)
+    build_wheel(given.o, given.decks)
 
 
 if __name__ == "__main__":

@@ -162,19 +162,11 @@ def packaged_folder() -> Path | None:
     folder = PACKAGE / "kernels"
     if not folder.is_dir():
         return None
-    return next((folder / level for level in _fitting() if (folder / level).is_dir()), None)
-
-
-def level_of_machine() -> str:
-    """Return the fastest of ``PORTABLE`` that this machine is."""
-    return _fitting()[0]
-
-
-def _fitting() -> list[str]:
     from llvmlite import binding as llvm
 
     found = llvm.get_host_cpu_features()
-    return [level for level, needed in PORTABLE.items() if all(map(found.get, needed))]
+    fitting = (level for level, needed in PORTABLE.items() if all(map(found.get, needed)))
+    return next((folder / level for level in fitting if (folder / level).is_dir()), None)
 
 
 def _packaged(name: str) -> bytes | None:
