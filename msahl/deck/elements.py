@@ -23,13 +23,9 @@ EACH_LINE = 6
 
 def deck_bytes(root: Element, note: str = "") -> bytes:
     """Return the text of a deck, with a ``note`` as a comment at its head."""
-    head = tostring(Comment(note)) + b"\n" if note else b""
-    return (
-        b"<?xml version='1.0' encoding='UTF-8'?>\n"
-        + head
-        + tostring(root, encoding="UTF-8")
-        + b"\n"
-    )
+    parts = [Comment(note), root] if note else [root]
+    lines = [tostring(part, encoding="UTF-8") for part in parts]
+    return b"\n".join([b"<?xml version='1.0' encoding='UTF-8'?>", *lines, b""])
 
 
 def child(parent: Element, tag: str, text: str = "", **attributes: str) -> Element:
