@@ -26,19 +26,23 @@ from msahl.run.setup import build_setup
 from msahl.start.velocities import StartError
 from msahl.system.build import build_system
 from msahl.system.subsystems import split
+from msahl.system.tree import tree_kind
 
-VARIANTS: tuple[tuple[dict[str, Any], str], ...] = (
-    ({}, "auto"),
-    ({}, "root"),
-    ({"reactions": INSTANTANEOUS}, "auto"),
-    ({"rotation_update": EXPONENTIAL}, "auto"),
-    ({"rotation_update": EXPONENTIAL, "reactions": INSTANTANEOUS}, "auto"),
-    ({"scheme": "gauss"}, "auto"),
-    ({"scheme": "gauss"}, "root"),
-    ({"scheme": AUTO}, "newton"),
+VARIANTS: tuple[tuple[dict[str, Any], Options], ...] = (
+    ({}, Options()),
+    ({}, Options(solver="root")),
+    ({"reactions": INSTANTANEOUS}, Options()),
+    ({"rotation_update": EXPONENTIAL}, Options()),
+    ({"rotation_update": EXPONENTIAL, "reactions": INSTANTANEOUS}, Options()),
+    ({"scheme": "gauss"}, Options()),
+    ({"scheme": "radau"}, Options()),
+    ({"scheme": "gauss"}, Options(solver="root")),
+    ({"scheme": AUTO}, Options(solver="newton")),
+    ({"scheme": AUTO}, Options(solver="newton", full=True)),
 )
-"""Changes of a deck's simulation, and solvers, that need different code; decaying runs that of
-preserving, radau that of gauss, and degrees, steps and damping change nothing."""
+"""Changes of a deck's simulation, and options, that need different code; decaying runs that of
+preserving, radau that of gauss in absolute coordinates, and degrees, steps and damping change
+nothing."""
 COMMANDS = ("energy", "constraints")
 """Commands of ``msahl-post`` that need compiled code."""
 TYPICAL = ("joints/spherical.xml", "joints/revolute.xml")
@@ -84,19 +88,21 @@ def _models() -> Iterator[Model]:
 
 
 def kind_of(model: Model) -> Description:
-    """Return what the machine code of a model depends on: the types of the arrays of its system,
-    and of its margins if it has events in steps of low or high order.
+    """Return what the machine code of a model depends on: the types of the arrays of its system, of
+    its margins if it has events in steps of low or high order, and whether it has joint
+    coordinates, and loops in these.
     """
     system, span = build_system(model), Span(model.simulation.t_final)
-    return describe((system, *(build_margins(system, order, span) for order in (2, 4))))
+    margins = (build_margins(system, order, span) for order in (2, 4))
+    return describe((system, *margins, tree_kind(model, system)))
 
 
 def _calls(model: Model) -> Iterator[Call]:
     """Yield the calls of runs of a model in all variants."""
-    for changes, solver in VARIANTS:
+    for changes, options in VARIANTS:
         changed = replace(model, simulation=replace(model.simulation, **changes))
         with suppress(StartError):
-            yield from calls_of_run(changed, Options(solver=solver))
+            yield from calls_of_run(changed, options)
 
 
 def _use_results() -> None:

@@ -300,8 +300,10 @@ class RunCommand:
             lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
             lines.append(
                 f"{report.unknowns} unknowns in {report.subsystems} subsystems "
-                f"({report.planar_subsystems} planar), {report.iterations} iterations, "
-                f"{report.factorisations} factorisations, {report.scipy_steps} steps by scipy, "
+                f"({report.planar_subsystems} planar, "
+                f"{report.tree_subsystems} in joint coordinates), "
+                f"{report.iterations} iterations, {report.factorisations} factorisations, "
+                f"{report.scipy_steps} steps by scipy, "
                 f"{report.path_steps} by continuation, {report.subdivisions} subdivisions"
             )
         if not self.quiet or report.verdict["word"] == FAIL:

@@ -1,6 +1,7 @@
 """Formulations of the equations of motion: what coordinates, forces and constraints mean in them.
 
-A formulation owes the rest of the program:
+``absolute`` serves all models and schemes: coordinates of every frame, and a multiplier for each
+constraint equation. It owes the rest of the program:
 
 1. Unknowns: where those of a frame, and of a constraint, stand, and in which scale; so that every
    unknown and every equation is a length [m] whatever the model.
@@ -17,5 +18,17 @@ A formulation owes the rest of the program:
 
 Laws of forces (``msahl.laws``) use none of these, ports (``msahl.ports``) 2 to 4. Whatever writes
 equations uses all: constraints, beams, schemes and the linearised equations number frames and nodes
-as ``absolute`` does, and a second formulation has to begin with them.
+as ``absolute`` does.
+
+``tree`` serves steps of gauss: the joints' own displacements within a step. It begins
+each step from a state of the frames and ends in one, so what reads states does not depend on it. It
+owes the step (``schemes.collocation.tree_step``), for several nodes at once:
+
+1. Start: places, axes, rates and momenta of the coordinates, from the state.
+2. Kinematics: places, rotations and twists of all bodies, by coordinates and their rates.
+3. Momenta and their rates, by the loads on the bodies as wrenches: those of the ports of the
+   absolute form, at the poses and velocities of 2.
+4. The mass matrix, factored, which takes residuals of momenta to corrections of the rates.
+
+A kind of joint has its axes in its registry entry (``Kind`` in ``joints.joint``).
 """

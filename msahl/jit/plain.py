@@ -19,6 +19,8 @@ def plain(function: Callable[..., Any]) -> Any:
     """Return ``function`` compiled by numba, with all that it calls, on its first call."""
     import numba
 
+    from msahl.jit import lanes_machine  # noqa: F401 - registers itself
+
     # numba's own cache looks at the file of this function alone, not at those that it calls.
     folder = user_folder().with_name("plain") / package_digest()[:16]
     setattr(numba.config, "CACHE_DIR", str(folder))  # noqa: B010 - missing in its type stub

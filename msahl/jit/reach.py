@@ -20,7 +20,15 @@ import numpy as np
 from msahl.jit.arguments import result_of
 from msahl.jit.kernel import APART, UNITS
 
-COMPILER = ("arguments", "kernel", "linking", "machine_code", "object_file", "struct_arguments")
+COMPILER = (
+    "arguments",
+    "kernel",
+    "lanes_machine",
+    "linking",
+    "machine_code",
+    "object_file",
+    "struct_arguments",
+)
 """Modules of this package that decide what is compiled, and how."""
 PACKAGE = Path(__file__).parent.parent
 CONSTANTS = (bool, int, float, str, bytes, tuple)

@@ -14,9 +14,16 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 
 from msahl.jit.arguments import ARRAY, BOOL, FLOAT, GROUP, INT, NONE, TUPLE, Description, digest
+from msahl.jit.lanes_machine import lanes
 
 _INT = ir.IntType(32)
-_SCALARS = {FLOAT: types.float64, INT: types.int64, BOOL: types.boolean, NONE: types.none}
+_SCALARS = {
+    FLOAT: types.float64,
+    INT: types.int64,
+    BOOL: types.boolean,
+    NONE: types.none,
+    "lanes": lanes,  # between kernels; Python passes none
+}
 
 
 class Group(types.Type):

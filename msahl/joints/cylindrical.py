@@ -3,7 +3,7 @@
 point on axis, parallel axes            4 equations, degrees of freedom: 2 (slide, angle)
 """
 
-from msahl.joints.joint import Equations, Kind, on_axis, parallel_axes
+from msahl.joints.joint import HINGE, SLIDE_AXIS, Equations, Kind, on_axis, parallel_axes
 from msahl.model.joints import Joint
 
 
@@ -14,5 +14,11 @@ def equations(joint: Joint) -> Equations:
 
 SLIDE_ANGLE = ("slide", "angle")
 KIND = Kind(
-    "cylindrical", equations, axes=1, coordinates=SLIDE_ANGLE, pose=SLIDE_ANGLE, bearing=True
+    "cylindrical",
+    equations,
+    axes=1,
+    coordinates=SLIDE_ANGLE,
+    pose=SLIDE_ANGLE,
+    bearing=True,
+    tree=(SLIDE_AXIS, HINGE),
 )

@@ -8,6 +8,7 @@ Analysis of Mechanical Systems (1988), chapter 7, for equations of this form.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from msahl.algebra.vector import IDENTITY, Vector, scale
 from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
@@ -58,6 +59,14 @@ class Equation:
     rate: bool = False
 
 
+class TreeAxis(NamedTuple):
+    """An axis of the joint's frame along which, or about which, the child moves."""
+
+    slides: bool
+    axis: int  # X, Y or Z
+    owner: str = PARENT  # in whose frame it is fixed
+
+
 @record
 class Coincide:
     """The joint's two points are one."""
@@ -82,7 +91,9 @@ class Kind:
     prevent (see ``joints.kind_properties``): ``contact`` is a ring about the child's point,
     ``knife`` a blade at a right angle to the axis, ``roll`` nothing. ``solid`` is the round part
     that a side has whose radius is a parameter, ``parentRadius``, or ``childRadius`` or
-    ``radius``: "cylinder", "sphere" or "disc", "" for none.
+    ``radius``: "cylinder", "sphere" or "disc", "" for none. ``tree`` lists the axes of joint
+    coordinates, in the order in which they act: their motions satisfy all equations, and no others
+    do. None if the joint has no such coordinates.
     """
 
     name: str
@@ -97,6 +108,10 @@ class Kind:
     bearing: bool = False
     glyph: str = ""
     solid: str = ""
+    tree: tuple[TreeAxis, ...] | None = None
+
+
+HINGE, SLIDE_AXIS = TreeAxis(False, Z), TreeAxis(True, Z)
 
 
 def perpendicular(d: Vector, e: Vector) -> Equation:

@@ -3,7 +3,7 @@
 child's point in plane, parallel normals        3 equations, degrees of freedom: 3
 """
 
-from msahl.joints.joint import Equations, Kind, Z, in_plane, parallel_axes
+from msahl.joints.joint import HINGE, Equations, Kind, TreeAxis, X, Y, Z, in_plane, parallel_axes
 from msahl.model.joints import Joint
 
 
@@ -12,4 +12,10 @@ def equations(joint: Joint) -> Equations:
     return [in_plane(joint.parent_axes[Z]), *parallel_axes(joint)]
 
 
-KIND = Kind("planar", equations, axes=1, pose=("slide1", "slide2", "angle"))
+KIND = Kind(
+    "planar",
+    equations,
+    axes=1,
+    pose=("slide1", "slide2", "angle"),
+    tree=(TreeAxis(True, X), TreeAxis(True, Y), HINGE),
+)

@@ -3,7 +3,7 @@
 point on axis, no rotation                  5 equations, degrees of freedom: 1 (slide)
 """
 
-from msahl.joints.joint import Equations, Kind, no_rotation, on_axis
+from msahl.joints.joint import SLIDE_AXIS, Equations, Kind, no_rotation, on_axis
 from msahl.model.joints import Joint
 
 
@@ -12,4 +12,12 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *no_rotation(joint)]
 
 
-KIND = Kind("prismatic", equations, axes=1, coordinates=("slide",), pose=("slide",), bearing=True)
+KIND = Kind(
+    "prismatic",
+    equations,
+    axes=1,
+    coordinates=("slide",),
+    pose=("slide",),
+    bearing=True,
+    tree=(SLIDE_AXIS,),
+)

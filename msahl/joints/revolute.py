@@ -3,7 +3,7 @@
 coincide, parallel axes                 5 equations, degrees of freedom: 1 (angle)
 """
 
-from msahl.joints.joint import Coincide, Equations, Kind, parallel_axes
+from msahl.joints.joint import HINGE, Coincide, Equations, Kind, parallel_axes
 from msahl.model.joints import Joint
 
 
@@ -12,4 +12,12 @@ def equations(joint: Joint) -> Equations:
     return [Coincide(), *parallel_axes(joint)]
 
 
-KIND = Kind("revolute", equations, axes=1, coordinates=("angle",), pose=("angle",), bearing=True)
+KIND = Kind(
+    "revolute",
+    equations,
+    axes=1,
+    coordinates=("angle",),
+    pose=("angle",),
+    bearing=True,
+    tree=(HINGE,),
+)

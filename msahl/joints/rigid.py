@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [Coincide(), *no_rotation(joint)]
 
 
-KIND = Kind("rigid", equations, pose=())
+KIND = Kind("rigid", equations, pose=(), tree=())

@@ -6,7 +6,7 @@ One ``coincide``; its multiplier is the force of the parent on the child. 3 equa
 degrees of freedom: 3 (all rotations).
 """
 
-from msahl.joints.joint import Coincide, Equations, Kind
+from msahl.joints.joint import Coincide, Equations, Kind, TreeAxis, X, Y, Z
 from msahl.model.joints import Joint
 
 
@@ -15,4 +15,10 @@ def equations(joint: Joint) -> Equations:
     return [Coincide()]
 
 
-KIND = Kind("spherical", equations, pose=("orientation",), moment=False)
+KIND = Kind(
+    "spherical",
+    equations,
+    pose=("orientation",),
+    moment=False,
+    tree=tuple(TreeAxis(False, axis) for axis in (X, Y, Z)),
+)

@@ -3,7 +3,7 @@
 coincide, axis of the parent . axis of the child = 0        4 equations, degrees of freedom: 2
 """
 
-from msahl.joints.joint import Coincide, Equations, Kind, Z, perpendicular
+from msahl.joints.joint import CHILD, HINGE, Coincide, Equations, Kind, TreeAxis, Z, perpendicular
 from msahl.model.joints import Joint
 
 
@@ -12,4 +12,10 @@ def equations(joint: Joint) -> Equations:
     return [Coincide(), perpendicular(joint.parent_axes[Z], joint.child_axes[Z])]
 
 
-KIND = Kind("universal", equations, axes=2, pose=("angle1", "angle2"))
+KIND = Kind(
+    "universal",
+    equations,
+    axes=2,
+    pose=("angle1", "angle2"),
+    tree=(HINGE, TreeAxis(False, Z, CHILD)),
+)

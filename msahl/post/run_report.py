@@ -377,6 +377,11 @@ def _degrees_of_freedom(run: Run) -> str | None:
 
 
 def _subsystems(run: Run) -> str | None:
-    """Return the number of independent subsystems, and how many of them move in a plane."""
+    """Return the number of independent subsystems, and how many of them move in a plane or are
+    stepped in joint coordinates.
+    """
     subsystems, planar = run.info.get("subsystems"), run.info.get("planarSubsystems")
-    return f"{subsystems}, {planar} of them planar" if planar else subsystems
+    trees = run.info.get("treeSubsystems")
+    of_them = [f"{planar} planar"] if planar else []
+    of_them += [f"{trees} in joint coordinates"] if trees else []
+    return f"{subsystems}, of them {' and '.join(of_them)}" if of_them else subsystems

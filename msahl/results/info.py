@@ -87,7 +87,7 @@ SHAPE = Fields({
     **dict.fromkeys(("msahl", "python", "numba", "numpy", "scipy"), TEXT),
     **dict.fromkeys(("status", "message", "command"), TEXT),
     **dict.fromkeys(("outputTimes", "steps", "joints", "unknowns"), COUNT),
-    **dict.fromkeys(("subsystems", "planarSubsystems"), COUNT),
+    **dict.fromkeys(("subsystems", "planarSubsystems", "treeSubsystems"), COUNT),
     **dict.fromkeys(("iterations", "factorisations"), COUNT),
     **dict.fromkeys(("scipySteps", "pathSteps", "subdivisions"), COUNT),
     "time": NUMBER,

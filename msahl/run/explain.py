@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from msahl.check.faults import listed
 from msahl.jit.compiled import on_disk
 from msahl.joints.coordinates import ORIENTATION, coordinates, is_angle
 from msahl.linalg.elimination import products
@@ -171,6 +172,19 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
             "h v + h^2 g/2 exactly, and only the rotation is solved for"
         )
     yield f"{head}elimination: {lu.order.size} pivots, {products(lu)} multiplications"
+    yield head + _formulation(integrator)
+
+
+def _formulation(integrator: SubsystemIntegrator) -> str:
+    """The coordinates in which steps are solved, and why."""
+    tree, reason, cut, closing = integrator.formulation
+    if tree is None:
+        return f"steps are solved in absolute coordinates, with multipliers: {reason}"
+    solved = f"steps are solved in {_count(tree.body.size, 'joint coordinate')}"
+    if cut is None:
+        return f"{solved}, without constraint equations: the joints form an open tree on the ground"
+    equations = _count(cut.scale.size, "constraint equation")
+    return f"{solved} with {equations}, those of what is not in the tree: {listed(closing)}"
 
 
 def _members(subsystem: Model) -> str:

@@ -23,6 +23,7 @@ class Report:
     joints: int = 0
     subsystems: int = 0
     planar_subsystems: int = 0
+    tree_subsystems: int = 0  # those stepped in joint coordinates
     unknowns: int = 0
     degrees_of_freedom: dict[str, int] = field(default_factory=dict)
     non_unique_reactions: dict[str, list[str]] = field(default_factory=dict)

@@ -11,6 +11,7 @@ from msahl.elements.signals.group import begin_angles
 from msahl.events.margins import Span
 from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
+from msahl.jit.lanes import LANES
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
 from msahl.ports import forces
@@ -43,6 +44,7 @@ from msahl.system.reductions import (
     symmetric_rows,
 )
 from msahl.system.state import build_state
+from msahl.system.tree import Formulation, choose_formulation
 from msahl.system.unknowns import choose
 from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
 
@@ -62,6 +64,8 @@ class SubsystemIntegrator:
 
     resolves_inputs = False
     """Whether expressions of the time that are faster than the steps divide these."""
+    joint_coordinates = True
+    """Whether steps may be in joint coordinates."""
 
     def __init__(
         self,
@@ -89,8 +93,9 @@ class SubsystemIntegrator:
         simulation = model.simulation
         step = 0.0 if resolve(simulation).adaptive else simulation.dt
         span = Span(simulation.t_final, step, self.resolves_inputs)
+        self.formulation = self._choose_formulation(full)
         self.stepper = _new_stepper(
-            model, self.workspace, solver, (instantaneous, span), self.storage
+            model, self.workspace, solver, (instantaneous, span), self.storage, self.formulation
         )
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
@@ -144,6 +149,26 @@ class SubsystemIntegrator:
         _prepare(
             self.workspace.system, self.workspace.state, self.workspace.start, work_arrays.call
         )
+
+    def _choose_formulation(self, full: bool) -> Formulation:
+        """Return the coordinates in which steps are solved."""
+        settings = resolve(self.model.simulation)
+        if full or self.solver == "root" or not self.joint_coordinates:
+            return Formulation(None, "model reductions are switched off (--full, --solver root)")
+        if settings.family != "gauss" or min(settings.degrees) > LANES:
+            word = settings.scheme + (str(settings.degree) if settings.degree else "")
+            return Formulation(None, f"{word} has no steps in joint coordinates")
+        workspace = self.workspace
+        free = workspace.unknowns.free
+        return choose_formulation(self.model, workspace.system, workspace.start, free, self.axis)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns that steps are solved for."""
+        tree, cut = self.formulation.tree, self.formulation.cut
+        if tree is None:
+            return self.workspace.unknowns.free.size
+        return tree.body.size + (0 if cut is None else cut.scale.size)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
@@ -238,6 +263,7 @@ def _new_stepper(
     solver: str,
     details: tuple[bool, Span],
     storage: Storage,
+    formulation: Formulation,
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
@@ -249,11 +275,15 @@ def _new_stepper(
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
+    tree = formulation.tree
+    rest = span, storage, None if tree is None else (tree, formulation.cut)
     if tolerance is None:
-        method = CollocationMethod(workspace, settings.family, settings.degree, span, storage)
+        method = CollocationMethod(workspace, settings.family, settings.degree, *rest)
         return FixedStepper(method, solver)
+    if formulation.tree is not None:
+        degrees = tuple(degree for degree in degrees if degree <= LANES)
     # The first review begins in the middle of the degrees.
     degree = degrees[len(degrees) // 2]
-    method = CollocationMethod(workspace, settings.family, degree, span, storage)
+    method = CollocationMethod(workspace, settings.family, degree, *rest)
     control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
     return AdaptiveStepper(method, degrees, control)

@@ -142,17 +142,7 @@ def drop_rows(system: System, held: np.ndarray) -> System:
     acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_needed(system.forces))
     numbers = np.concatenate(acting)
     used = np.flatnonzero(np.bincount(numbers[numbers >= 0]))
-    number = np.full(group.kind.size + 1, -1)  # the last entry serves -1
-    number[used] = np.arange(used.size)
-    spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]
-    products = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
-    coords = Coordinates(
-        products=Products(*(array[products] for array in group.products)),
-        kind=group.kind[used],
-        first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
-        radius=group.radius[used],
-        block=group.block[used],
-    )
+    coords, number = coordinate_subset(group, used)
     fewer = ConstraintEquations(*(array[kept] for array in rows))
     left = np.concatenate([[0], np.cumsum(~held)])
     return system._replace(
@@ -165,6 +155,24 @@ def drop_rows(system: System, held: np.ndarray) -> System:
         reactions=system.reactions._replace(first_equation=left[system.reactions.first_equation]),
         shown=system.shown._replace(load_equation=left[system.shown.load_equation]),
     )
+
+
+def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates, np.ndarray]:
+    """Return the ``used`` coordinates (n,) with their products, and the new number of each old one;
+    -1 for the others, and as the last entry, which serves -1.
+    """
+    number = np.full(group.kind.size + 1, -1)
+    number[used] = np.arange(used.size)
+    spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]
+    products = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+    coords = Coordinates(
+        products=Products(*(array[products] for array in group.products)),
+        kind=group.kind[used],
+        first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
+        radius=group.radius[used],
+        block=group.block[used],
+    )
+    return coords, number
 
 
 def all_unknowns(system: System) -> np.ndarray:

@@ -58,12 +58,18 @@ class Variation(NamedTuple):
     most: float
 
 
+class DifferentiatedIntegrator(SubsystemIntegrator):
+    """A subsystem whose steps are differentiated: their equations are in absolute coordinates."""
+
+    joint_coordinates = False
+
+
 def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0, as a run has them, each with its first row."""
     settings = shape.settings
     together = shape.full or settings.adaptive
-    parts = [
-        SubsystemIntegrator(
+    parts: list[SubsystemIntegrator] = [
+        DifferentiatedIntegrator(
             part,
             settings.solver,
             shape.full,

@@ -105,7 +105,7 @@ def evaluate(
                 system, stages, h, max(k, 0), tableau.multiplier_weight[k] if k >= 0 else 0.0
             )
         else:
-            _set_force_accelerations(system, stages, h, i)
+            set_force_accelerations(system, stages, h, i)
             _enter_rotational_inertia(system, start, stages, h, i)
         if k >= 0 or i >= 0:
             _enter_accelerations(system, stages, h, k, i)
@@ -233,7 +233,7 @@ def _set_constraint_accelerations(
 
 
 @unit
-def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: int) -> None:
+def set_force_accelerations(system: System, stages: StageArrays, h: float, i: int) -> None:
     """Set ``stages.accelerations`` to those by the forces at c_i; set the constraint equations
     between rates, and add the work of the forces.
     """

@@ -18,15 +18,17 @@ from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import use_reactions
 from msahl.formulations.absolute.frames import first_multiplier
+from msahl.formulations.tree.table import Tree
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
 from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
 from msahl.ports import forces
 from msahl.ports.forces import ReactionForces, pressed_by_reactions
-from msahl.schemes.collocation import dense_output, equations, predictor
+from msahl.schemes.collocation import dense_output, equations, predictor, tree_step
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
+from msahl.schemes.collocation.tree_step import TreeStages, new_tree_stages
 from msahl.schemes.collocation.workspace import StageArrays, new_stage_arrays, set_node
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant, new_instant
@@ -35,6 +37,7 @@ from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.common.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
+from msahl.system.cut import Cut
 from msahl.system.diagnostics import energy_balance
 
 TARGET = 1e-14
@@ -68,12 +71,18 @@ class CollocationWorkspace(NamedTuple):
     half_rates: np.ndarray  # (2, s + 1, nodes, 3) velocities of both halves, to predict their step
     half_solution: np.ndarray  # (2, s, nodes, 3) their solutions
     outcome: np.ndarray  # (2,) residual and worst row of the last step
+    tree: TreeStages | None  # steps in joint coordinates; None: no code for them
 
 
 def new_collocation_workspace(
-    workspace: Workspace, scheme: str, degree: int
+    workspace: Workspace,
+    scheme: str,
+    degree: int,
+    tree: tuple[Tree, Cut | None] | None = None,
 ) -> CollocationWorkspace:
-    """Return the workspace for steps by the ``scheme`` of a ``degree`` from the prepared state."""
+    """Return the workspace for steps by the ``scheme`` of a ``degree`` from the prepared state, in
+    the joint coordinates of a ``tree``, cut where its loops close, if there is one.
+    """
     lu, higher = workspace.unknowns.elimination, COLLOCATION[scheme]
     stages = new_stage_arrays(
         workspace.system, workspace.unknowns, workspace.state, new_tableau(scheme, degree)
@@ -95,6 +104,7 @@ def new_collocation_workspace(
         half_rates=np.zeros((2, *stages.last_rates.shape)),
         half_solution=np.zeros((2, *stages.Z.shape)),
         outcome=np.zeros(2),
+        tree=tree and new_tree_stages(*tree, workspace.system, stages.tableau),
     )
 
 
@@ -102,6 +112,7 @@ def new_collocation_workspace(
 def reset_prediction(subsystem: CollocationWorkspace) -> None:
     """Predict the next step from the accelerations at its start, without earlier steps."""
     subsystem.stages.last_step[1] = 0.0
+    tree_step.forget(subsystem.tree)
 
 
 @kernel
@@ -296,7 +307,11 @@ def take_step(subsystem: CollocationWorkspace, h: float) -> bool:
     receives its residual and worst row.
     """
     workspace, stages = subsystem.workspace, subsystem.stages
+    if tree_step.take_step(subsystem.tree, workspace, stages, subsystem.outcome, h):
+        return True
     system = workspace.system
+    if tree_step.leave(subsystem.tree, stages):
+        accelerations.accelerate(system, workspace.state, workspace.start, subsystem.instant)
     predictor.predict(system, workspace.state, workspace.start, stages, h)
     residual, worst, first = iterate(subsystem, h)
     subsystem.outcome[0], subsystem.outcome[1] = residual, worst

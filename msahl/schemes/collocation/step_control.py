@@ -57,7 +57,7 @@ from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import forces
 from msahl.schemes import step_events
-from msahl.schemes.collocation import dense_output, newton
+from msahl.schemes.collocation import dense_output, newton, tree_step
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.common.workspace import Workspace
@@ -526,6 +526,7 @@ def take_halves(
             copy(stages.last_rates[k], subsystem.half_rates[half, k])
         for k in range(stages.Z.shape[0]):
             copy(stages.Z[k], subsystem.half_solution[half, k])
+        tree_step.save_half(subsystem.tree, half)
     copy_state(workspace.state, control.finish)
     return True
 
@@ -652,6 +653,7 @@ def restore_end(
         copy(subsystem.half_rates[1, k], stages.last_rates[k])
     for k in range(stages.Z.shape[0]):
         copy(subsystem.half_solution[1, k], stages.Z[k])
+    tree_step.follow_half(subsystem.tree)
     stages.last_step[0], stages.last_step[1] = control.middle.time[0], h
     stages.predicted_well[0] = predicted_well
 
@@ -675,6 +677,8 @@ def join_halves(subsystem: CollocationWorkspace, t: float, h: float) -> None:
                 for j in range(s):
                     stages.Z[i, node, k] += halves.multipliers[i, j] * solution[j, node, k]
     stages.last_step[0], stages.last_step[1] = t, h
+    if not tree_step.follow_halves(subsystem.tree, halves):
+        stages.last_step[1] = 0.0
 
 
 @kernel

@@ -13,18 +13,20 @@ from typing import Any
 import numpy as np
 
 from msahl.events.margins import Span, build_margins
+from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.workspace import StageArrays
+from msahl.schemes.collocation.tree_step import ITERATIONS, STEPS, TreeStages
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
+from msahl.system.cut import Cut
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
@@ -54,8 +56,9 @@ class CollocationMethod:
         degree: int,
         span: Span,
         storage: Storage | None = None,
+        tree: tuple[Tree, Cut | None] | None = None,
     ) -> None:
-        self.workspace, self.scheme, self.span = workspace, scheme, span
+        self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -67,7 +70,8 @@ class CollocationMethod:
         kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
         events = "-events" if self.detection else ""
-        return f"{kind}{friction}-collocation{events}"
+        tree = "" if self.tree is None else "-loops" if self.tree[1] is not None else "-tree"
+        return f"{kind}{friction}{tree}-collocation{events}"
 
     @property
     def calls(self) -> list[Call]:
@@ -93,9 +97,13 @@ class CollocationMethod:
         return [*scipy_root.calls(self.subsystem), (_record_step, (self.subsystem, 0.0, 0, *rows))]
 
     @property
-    def memory(self) -> StageArrays:
+    def memory(self) -> tuple[Any, ...]:
         """See ``StepMethod``."""
-        return self.subsystem.stages
+        stages, tree = self.subsystem.stages, self.subsystem.tree
+        if tree is None:
+            return (stages,)
+        unknowns = () if tree.loops is None else (tree.loops.last_y,)
+        return (stages, tree.last_rates, tree.figures, *unknowns)
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -107,14 +115,26 @@ class CollocationMethod:
         self.set_degree(counters["degree"])
 
     def set_degree(self, degree: int) -> None:
-        """See ``StepMethod``."""
+        """See ``StepMethod``; steps in joint coordinates are tried again at once."""
         self.degree = degree
         if degree not in self.by_degree:
-            fresh = new_collocation_workspace(self.workspace, self.scheme, degree)
+            fresh = new_collocation_workspace(self.workspace, self.scheme, degree, self.tree)
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
         newton.reset_prediction(self.subsystem)
+
+    @property
+    def work(self) -> float:
+        """Work of the steps of this degree, but for a constant, in iterations of degree 1, absolute
+        coordinates.
+        """
+        iterations, factorisations = self.workspace.counts.tolist()
+        if self.subsystem.tree is None:
+            return work_of(self.degree, iterations, factorisations)
+        in_tree, steps = self.subsystem.tree.figures[[ITERATIONS, STEPS]].tolist()
+        rest = work_of(self.degree, iterations - in_tree, factorisations - steps)
+        return rest + work_in_tree(self.subsystem.tree, self.degree, in_tree, steps)
 
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
@@ -331,25 +351,36 @@ class AdaptiveStepper:
         """Work per second of motion at this ``degree``, by pairs that are tried and taken back; the
         first has the size found for the degree ``like``, whose work is the ``other``.
         """
-        figures, counts = self.control.figures, self.workspace.counts
+        figures, method = self.control.figures, self.method
         size = self.sizes[like]
         if degree != self.method.degree:
             self.method.set_degree(degree)
         for _ in range(TRIES):
-            before, figures[step_control.NEXT] = counts.copy(), size
+            before, figures[step_control.NEXT] = method.work, size
             self._take_pairs(0, NO_TIMES)
             tried, size = size, float(figures[step_control.BEST])
-            rate = work_of(degree, *(counts - before).tolist()) / size
+            rate = (method.work - before) / size
             if 0.5 <= size / tried <= 2.0 or rate > MUCH * other:
                 break
         self.sizes[degree] = size
         return rate
 
 
-def work_of(degree: int, iterations: int, factorisations: int) -> float:
+def work_of(degree: int, iterations: float, factorisations: float) -> float:
     """Work of solved steps, in iterations of degree 1.
 
     By timings of pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
     that of a Jacobian with its factors to 2 + s^2/2; at degree 1 their ratio is 1 to 2.5.
     """
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations
+
+
+def work_in_tree(tree: TreeStages, degree: int, iterations: float, steps: float) -> float:
+    """Work of steps in joint coordinates, in the same unit. All nodes are evaluated at once, so it
+    does not depend on the degree but for what elements evaluate node by node: loads, and the
+    equations of cut joints, whose factors are those of a small matrix.
+    """
+    by_node = 0.0 if tree.tree.bare else 0.25 * degree
+    if tree.loops is not None:
+        by_node += 0.1 * degree
+    return (0.5 + by_node) * iterations + steps

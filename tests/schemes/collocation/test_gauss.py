@@ -167,8 +167,8 @@ def test_blocks_are_factored_as_the_complete_matrix():
 
 
 CLOSED = {
-    "single_pendulum_45": {1: 0.02, 2: 0.1, 3: 0.2, 4: 0.5, 5: 0.4},
-    "top_1": {1: 0.002, 2: 0.02, 3: 0.04, 4: 0.1, 5: 0.16},
+    "single_pendulum_45": {1: 0.02, 2: 0.1, 3: 0.2, 4: 0.4, 5: 0.4},
+    "top_1": {1: 0.002, 2: 0.02, 3: 0.04, 4: 0.05, 5: 0.16},
 }
 """Largest of two steps [s] by degree, between too coarse and round-off."""
 
@@ -282,9 +282,9 @@ def test_momentum_of_free_bodies_is_kept():
 def test_both_solvers_find_the_same_motion(name):
     path = {"rolling_disk_coin": SINGLE.parents[1] / "joints" / "rolling_disk.xml"}.get(name)
     model = of_degree(read_deck(path) if path else deck(name), 2)
-    newton, root = (
-        simulate(model, dt=0.02, t_final=0.2, solver=solver) for solver in ("newton", "root")
-    )
+    # In absolute coordinates both: trees have another truncation error in joint coordinates.
+    newton = simulate(model, dt=0.02, t_final=0.2, solver="newton", full=True)
+    root = simulate(model, dt=0.02, t_final=0.2, solver="root")
     assert (root.report.scipy_steps, newton.report.scipy_steps) == (10, 0)
     scale = np.abs(newton.states).max()
     # Both to residuals of 1e-12 of a step.
@@ -321,11 +321,14 @@ def test_a_hard_step_is_taken_in_parts_and_the_last_is_short():
     assert np.abs(short.states[:, 1:] - exact).max() <= 1e-8
 
 
-def test_one_derivative_and_few_iterations_a_step():
-    report = simulate(of_degree(deck("double_pendulum_89"), 3), dt=0.02, t_final=10.0).report
+@pytest.mark.parametrize(("full", "most"), [(True, 2.0), (False, 5.0)])
+def test_one_derivative_and_few_iterations_a_step(full, most):
+    """More of them in joint coordinates, by the mass matrix instead of the Jacobian."""
+    model = of_degree(deck("double_pendulum_89"), 3)
+    report = simulate(model, dt=0.02, t_final=10.0, full=full).report
     assert report.scipy_steps == report.subdivisions == 0
     assert report.factorisations <= 1.05 * report.steps
-    assert report.iterations <= 2.0 * report.steps
+    assert report.iterations <= most * report.steps
 
 
 def test_the_command_and_the_deck_ask_for_it(tmp_path):

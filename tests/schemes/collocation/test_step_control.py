@@ -66,12 +66,15 @@ def test_a_tenth_of_the_tolerance_costs_little_more():
     assert steps[2] <= 1.1 * steps[0] * 100 ** (1 / 6)
 
 
-def test_degrees_are_chosen_and_told():
+@pytest.mark.parametrize("full", [True, False])
+def test_degrees_are_chosen_and_told(full):
+    """In joint coordinates the nodes of a step are evaluated at once, and the highest degree takes
+    the least work at any tolerance.
+    """
     told = {}
     for tolerance in (1e-2, 1e-10):
-        report = simulate(
-            adaptive(deck("double_pendulum_89"), tolerance), dt=0.02, t_final=3.0
-        ).report
+        model = adaptive(deck("double_pendulum_89"), tolerance)
+        report = simulate(model, dt=0.02, t_final=3.0, full=full).report
         control = report.step_control
         assert control["localTolerance"] == tolerance
         assert 2 * control["acceptedPairs"] == report.steps
@@ -79,7 +82,7 @@ def test_degrees_are_chosen_and_told():
         for choice in control["degrees"]:
             assert min(choice["work"], key=choice["work"].get) == str(choice["degree"])
         told[tolerance] = control["degrees"][-1]["degree"]
-    assert told[1e-2] < told[1e-10]
+    assert told[1e-2] < told[1e-10] if full else told[1e-2] == told[1e-10] == 4
 
 
 def test_steps_shrink_where_motion_is_quick_and_grow_again():
@@ -95,7 +98,7 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
     ("name", "tolerance", "t_final", "most"),
     [
         ("conical_pendulum", 1e-3, 5.0, 260),
-        ("double_pendulum_89", 1e-9, 4.0, 200),
+        ("double_pendulum_89", 1e-9, 4.0, 600),
         ("torque_free", 1e-9, 5.0, 200),
         ("spring_damper", 1e-6, 5.0, 130),
     ],
@@ -103,7 +106,8 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
 def test_few_pairs_are_refused_and_few_iterations_needed(name, tolerance, t_final, most):
     """A third to a half of all pairs was refused and 260 to 520 iterations, 160 of the linear
     spring, were needed where sizes grew at once to those refused before, no pair was lent what
-    those before left, and the long step was predicted by the step before.
+    those before left, and the long step was predicted by the step before. The double pendulum's are
+    those in joint coordinates, by the mass matrix: twice as many as by Newton's method.
     """
     model = adaptive(deck(name), tolerance)
     report = simulate(model, dt=0.01, t_final=t_final, error=OFF).report

@@ -1,0 +1,146 @@
+"""Joint coordinates of open trees: symplectic steps, the motion of the absolute form, fallback."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from msahl.jit.compiled import compiled
+from msahl.run.explain import explain
+from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.collocation import tree_step
+from tests.support.models import deck, simulate
+from tests.support.trees import TreeSteps, loaded_tree, random_tree, symplectic_form
+
+SWINGING = ("revolute", "spherical", "prismatic", "universal", "spherical")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "degree"),
+    [
+        (SWINGING, 1),
+        (("spherical", "planar", "spherical"), 1),
+        (("cylindrical", "rigid", "universal"), 1),
+        (("spherical", "universal"), 2),
+        (("spherical", "spherical"), 3),
+        (("spherical", "spherical"), 4),
+    ],
+)
+def test_a_step_is_symplectic(kinds, degree):
+    steps = TreeSteps(random_tree(np.random.default_rng(7), kinds), degree)
+    take_step = compiled(tree_step.take_step)
+    start = steps.configuration()
+
+    def begin(change):
+        steps.set_configuration(start)
+        return steps.moved(change)
+
+    def end(change):
+        steps.set_configuration(begin(change))
+        assert take_step(*steps.arguments(0.02))
+        return steps.configuration()
+
+    before, after = (symplectic_form(*steps.variations(at)) for at in (begin, end))
+    # 1e-11: ten times the error of the differences. With the momenta of a ball's hinges as they are
+    # at the start, without the variation of their axes, the defect is 1.5e-6 at degree 1.
+    np.testing.assert_allclose(after, before, atol=1e-11 * np.abs(before).max())
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_both_formulations_have_the_same_motion(seed, monkeypatch):
+    """Of all kinds of joints and loads; the error of the steps themselves is below 1e-13 here."""
+    model = loaded_tree(np.random.default_rng(seed))
+    given = {"scheme": "gauss4", "dt": 2e-3, "t_final": 0.02}
+    trees = simulate(model, **given)
+    # Not by the option for full runs, which solves all subsystems, and the start, together.
+    monkeypatch.setattr(SubsystemIntegrator, "joint_coordinates", False)
+    absolute = simulate(model, **given)
+    assert trees.report.tree_subsystems == trees.report.subsystems
+    assert absolute.report.tree_subsystems == 0
+    for name in ("states", "reactions", "work"):
+        found, wanted = getattr(trees, name), getattr(absolute, name)
+        # For reactions, too: constraints that are followed by increments leave their round-off in
+        # the velocities, and velocities of 10 m/s that of the start.
+        assert np.abs(found - wanted).max() < 1e-11 * max(1.0, np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_motion_and_reactions_have_the_order_of_the_scheme(degree):
+    model = random_tree(np.random.default_rng(3), SWINGING)
+    exact = simulate(model, scheme="gauss4", dt=0.0025, t_final=0.4)
+    errors = []
+    for dt in (0.04, 0.02):
+        found = simulate(model, scheme=f"gauss{degree}", dt=dt, t_final=0.4)
+        assert found.report.tree_subsystems == found.report.subsystems
+        pairs = ((found.states, exact.states), (found.reactions, exact.reactions))
+        errors.append([np.abs(a[-1] - b[-1]).max() for a, b in pairs])
+    orders = np.log2(np.array(errors[0]) / errors[1])
+    # Half an order: the next term of the error, at two steps of which the larger one is not small.
+    np.testing.assert_allclose(orders, 2 * degree, atol=0.5)
+
+
+def test_the_energy_of_many_periods_does_not_drift():
+    """Of bodies on a ball and a universal joint, over some 200 periods of 100 steps: the last tenth
+    is as good as the first.
+    """
+    model = random_tree(np.random.default_rng(1), ("spherical", "universal"))
+    run = simulate(model, scheme="gauss2", dt=0.02, t_final=400.0)
+    assert run.report.tree_subsystems == run.report.subsystems
+    kinetic, total = np.zeros((2, len(run.time)))
+    for b, body in enumerate(model.bodies):
+        w, R = run.of("spin", b), run.matrices(b)
+        v = run.of("velocity", b) + np.cross(w, body.r_BG)
+        kinetic += 0.5 * body.mass * (v**2).sum(axis=1)
+        kinetic += 0.5 * np.einsum("ij,ti,tj->t", np.array(body.inertia), w, w)
+        total -= body.mass * (run.of("position", b) + R @ body.r_BG) @ model.gravity
+    total += kinetic
+    error, tenth = np.abs(total - total[0]), len(total) // 10
+    # A chaotic motion visits other places later, which changes the largest error of a tenth.
+    assert error[-tenth:].max() < 2.0 * error[:tenth].max()
+    assert error.max() < 1e-3 * kinetic.max()
+
+
+@pytest.mark.parametrize("degree", [1, 4])
+def test_compiled_lanes_give_the_digits_of_plain_python(degree):
+    model = loaded_tree(np.random.default_rng(5))
+    plain, fast = TreeSteps(model, degree), TreeSteps(model, degree)
+    take_step = compiled(tree_step.take_step)
+    for _ in range(3):
+        assert tree_step.take_step(*plain.arguments(0.02))
+        assert take_step(*fast.arguments(0.02))
+    for a, b in zip(plain.configuration(), fast.configuration(), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-14 * max(1.0, np.abs(b).max()))
+
+
+def test_stiff_steps_are_left_to_absolute_coordinates():
+    """A pendulum with a rotational spring whose period is a twentieth of the step: the iteration in
+    joint coordinates cannot converge, and is hardly tried.
+    """
+    model = deck("stiff_pendulum")
+    both = [simulate(model, scheme="gauss2", full=full).report for full in (False, True)]
+    assert both[0].iterations <= 1.02 * both[1].iterations + 30
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("double_pendulum_89", "2 joint coordinates"),
+        ("bricard", "form a loop"),
+        ("gear", "couplings are constraints"),
+        ("friction_hinge", "friction depends on reactions"),
+        ("torque_free", "free of the ground"),
+        ("screw", "has no joint coordinates"),
+    ],
+)
+def test_explain_names_the_coordinates_and_why(name, words):
+    model = deck(name)
+    changed = replace(model, simulation=replace(model.simulation, scheme="gauss", degree=3))
+    assert any(words in line for line in explain(changed))
+
+
+def test_other_schemes_and_full_runs_are_in_absolute_coordinates():
+    model = deck("double_pendulum_89")
+    for given in ({"scheme": "radau2"}, {"scheme": "preserving"}, {"scheme": "gauss5"}):
+        assert simulate(model, t_final=0.05, **given).report.tree_subsystems == 0
+    for given in ({"full": True}, {"solver": "root"}):
+        assert simulate(model, t_final=0.05, scheme="gauss2", **given).report.tree_subsystems == 0
