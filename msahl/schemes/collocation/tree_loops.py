@@ -694,7 +694,7 @@ def _add_law_rates(group: scalar.ScalarConstraints, loops: LoopStages, t: float)
     cut = loops.cut
     for r in range(cut.scale.size):
         if cut.equation[r] >= 0 and group.equations.law[cut.equation[r]] >= 0:
-            rate = equations.law_rate(group.equations, group.laws, cut.equation[r], t)
+            rate = scalar.law_rate(group, cut.equation[r], t)
             loops.end_right[r] = cut.scale[r] * rate
 
 
@@ -728,7 +728,7 @@ def _add_work_of(
     for r in range(cut.scale.size):
         equation = cut.equation[r]
         if equation >= 0 and rows.law[equation] >= 0:
-            rate = equations.law_rate(rows, group.laws, equation, t)
+            rate = scalar.law_rate(group, equation, t)
             work = share * y[r] * cut.scale[r] * rate
             stages.work[group.equation_column[equation]] += work
 
