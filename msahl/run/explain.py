@@ -182,7 +182,7 @@ def _formulation(integrator: SubsystemIntegrator) -> str:
         return f"steps are solved in absolute coordinates, with multipliers: {reason}"
     solved = f"steps are solved in {_count(tree.body.size, 'joint coordinate')}"
     if cut is None:
-        return f"{solved}, without constraint equations: the joints form an open tree on the ground"
+        return f"{solved}, without constraint equations: the joints form open trees"
     equations = _count(cut.scale.size, "constraint equation")
     return f"{solved} with {equations}, those of what is not in the tree: {listed(closing)}"
 

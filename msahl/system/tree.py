@@ -1,8 +1,8 @@
 """Decides on the formulation of a subsystem, and builds the tree of its bodies.
 
 Joint coordinates need neither constraint equations nor multipliers but those that close loops. They
-are used where every element has them: rigid bodies on the ground in a tree of joints that state
-their axes (``joints.joint.TreeAxis``), with loads that depend on nothing but places, velocities and
+are used where every element has them: rigid bodies in a tree of joints that state their axes
+(``joints.joint.TreeAxis``), or free, with loads that depend on nothing but places, velocities and
 time. All other joints are cut, as are couplings and prescribed motions: their equations remain
 (``system.cut``). The rest keeps absolute coordinates, and ``Formulation.reason`` says why.
 
@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.vector import IDENTITY, Vector, sub
+from msahl.algebra.vector import IDENTITY, ZERO, Vector, sub
 from msahl.elements.signals.group import use_reactions
 from msahl.formulations.absolute.frames import FramesWorkspace
 from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT, Tree
-from msahl.joints.joint import CHILD, PARENT, TreeAxis
+from msahl.joints.joint import CHILD, PARENT, TreeAxis, X, Y, Z
 from msahl.joints.registry import KINDS
 from msahl.model import Joint, Model, RigidBody
 from msahl.ports.forces import pressed_by_reactions
@@ -41,6 +41,11 @@ MOST_EQUATIONS = 12
 REACH, REACH_ACROSS = 1.5, 1.0
 """Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``; and
 about the second one of a ball, whose three axes are in a plane at a right angle."""
+FREE = "free"
+"""What stands for the kind of joint of a body that no joint connects to the ground."""
+INERTIAL = ""
+"""What holds a free body."""
+FREE_AXES = (*(TreeAxis(True, k) for k in (X, Y, Z)), *(TreeAxis(False, k) for k in (X, Y, Z)))
 EQUAL = 1e-6
 """Difference of principal moments, relative to the largest, within which a body is one of
 revolution."""
@@ -80,8 +85,6 @@ def choose_formulation(
     if reason:
         return Formulation(None, reason)
     branches = _branches(model)
-    if branches is None:
-        return Formulation(None, "its joints leave a body free of the ground")
     tree = _build(model, system, start, axis, branches)
     if tree.body.size == 0:
         return Formulation(None, "nothing can move")
@@ -105,10 +108,9 @@ def _closing(model: Model, branches: list[Branch]) -> dict[int, str]:
 
 def tree_kind(model: Model, system: System) -> tuple[bool, ...]:
     """Return nothing for a subsystem without joint coordinates, else whether anything is cut."""
-    branches = None if _excluded(model, system) else _branches(model)
-    if branches is None:
+    if _excluded(model, system):
         return ()
-    return (True,) if _closing(model, branches) else (True, True)
+    return (True,) if _closing(model, _branches(model)) else (True, True)
 
 
 def _excluded(model: Model, system: System) -> str:
@@ -126,9 +128,9 @@ def _excluded(model: Model, system: System) -> str:
     return next((reason for found, reason in reasons if found), "")
 
 
-def _branches(model: Model) -> list[Branch] | None:
-    """Return the joints of the tree from the ground outwards; None where they do not reach all
-    bodies.
+def _branches(model: Model) -> list[Branch]:
+    """Return the joints of the tree from the ground outwards. Of bodies that no joint connects to
+    it, those with the most joints are free.
     """
     grounds = {ground.name for ground in model.grounds}
     at: dict[str, list[Joint]] = {}
@@ -137,7 +139,7 @@ def _branches(model: Model) -> list[Branch] | None:
             at.setdefault(joint.parent, []).append(joint)
             at.setdefault(joint.child, []).append(joint)
     branches: list[Branch] = []
-    depth, count = dict.fromkeys(grounds, 0), itertools.count()
+    depth, count = dict.fromkeys((*grounds, INERTIAL), 0), itertools.count()
     waiting: list[tuple[int, int, int, Joint, str]] = []
 
     def reach(name: str) -> None:
@@ -145,16 +147,29 @@ def _branches(model: Model) -> list[Branch] | None:
             rank = len(KINDS[joint.kind].tree or ()), depth[name], next(count)
             heapq.heappush(waiting, (*rank, joint, name))
 
+    def take_waiting() -> None:
+        while waiting:
+            *_, joint, name = heapq.heappop(waiting)
+            other = joint.child if joint.parent == name else joint.parent
+            if other not in depth:
+                depth[other] = depth[name] + 1
+                branches.append(Branch(joint, other, name, joint.parent == other))
+                reach(other)
+
     for name in grounds:
         reach(name)
-    while waiting:
-        *_, joint, name = heapq.heappop(waiting)
-        other = joint.child if joint.parent == name else joint.parent
-        if other not in depth:
-            depth[other] = depth[name] + 1
-            branches.append(Branch(joint, other, name, joint.parent == other))
-            reach(other)
-    return branches if len(branches) == len(model.bodies) else None
+    take_waiting()
+    for body in sorted(model.bodies, key=lambda one: -len(at.get(one.name, ()))):
+        if body.name not in depth:
+            free = Joint("", FREE, INERTIAL, body.name, ZERO, body.r_BG)
+            heapq.heappush(waiting, (0, 0, next(count), free, INERTIAL))
+            take_waiting()
+    return branches
+
+
+def _tree_axes(joint: Joint) -> tuple[TreeAxis, ...]:
+    """Return the axes of a joint, or of a free body."""
+    return FREE_AXES if joint.kind == FREE else KINDS[joint.kind].tree or ()
 
 
 def _build(
@@ -165,13 +180,14 @@ def _build(
     branches: list[Branch],
 ) -> Tree:
     """Return the tree's arrays."""
-    frame, ground = frame_index(model), len(model.bodies)
-    number = {g.name: 0 for g in model.grounds}
+    ground = len(model.bodies)
+    frame = {**frame_index(model), INERTIAL: ground}
+    number = dict.fromkeys((*(one.name for one in model.grounds), INERTIAL), 0)
     arrays: dict[str, list[object]] = {
         "frame": [ground],
         "parent": [0],
         "first": [0, 0],
-        "is_ball": [False],
+        "ball": [-1],
         "parent_point": [np.zeros(3)],
         "child_point": [np.zeros(3)],
         "alignment": [NO_ALIGNMENT],
@@ -183,12 +199,13 @@ def _build(
         number[branch.body] = b
         axes, is_ball = _axes(model, branch, frame, start.frames, axis)
         coordinates += [(b, slides, *place) for slides, place in axes]
+        ball = len(coordinates) - 3 if is_ball else -1
         sides = _sides(model, branch)
         row = {
             "frame": frame[branch.body],
             "parent": number[branch.parent],
             "first": len(coordinates),
-            "is_ball": is_ball,
+            "ball": ball,
             "parent_point": sides[0],
             "child_point": sides[1],
             "alignment": _alignment(branch.joint),
@@ -215,7 +232,7 @@ def _sides(model: Model, branch: Branch) -> tuple[Vector, Vector, object, object
 
 def _alignment(joint: Joint) -> int:
     """Return what of the joint's frames stays together."""
-    hinges = [axis for axis in KINDS[joint.kind].tree or () if not axis.slides]
+    hinges = [axis for axis in _tree_axes(joint) if not axis.slides]
     if not hinges:
         return ALIGN_FRAMES
     return ALIGN_AXES if len(hinges) == 1 else NO_ALIGNMENT
@@ -224,20 +241,23 @@ def _alignment(joint: Joint) -> int:
 def _axes(
     model: Model, branch: Branch, frame: dict[str, int], start: FramesWorkspace, normal: int | None
 ) -> tuple[list[tuple[bool, tuple[int, Vector]]], bool]:
-    """Return the axes of the joint, each with the frame in which it is fixed, and whether they are
-    a ball's; in a planar subsystem those along which it moves.
+    """Return the axes of the joint, each with the frame in which it is fixed, and whether the last
+    three are a ball's; in a planar subsystem those along which it moves.
     """
     joint, parent, R = branch.joint, frame[branch.parent], start.R
-    axes = KINDS[joint.kind].tree or ()
-    if len(axes) == 3 and not any(axis.slides for axis in axes):
-        if normal is None:
-            body = frame[branch.body]
-            spin = R[body].T @ (start.W[body] - start.W[parent])
-            own = next(other for other in model.bodies if other.name == branch.body)
-            return [(False, (body, a)) for a in _axes_of_ball(own, joint, spin)], True
-        x, y, z = (float(number) for number in R[parent][normal])
-        return [(False, (parent, (x, y, z)))], False
+    axes = _tree_axes(joint)
+    is_ball = sum(not axis.slides for axis in axes) == 3
+    if is_ball:
+        axes = tuple(axis for axis in axes if axis.slides)
     found = [(axis.slides, _fixed(joint, frame, axis)) for axis in axes]
+    if is_ball and normal is None:
+        body = frame[branch.body]
+        spin = R[body].T @ (start.W[body] - start.W[parent])
+        own = next(other for other in model.bodies if other.name == branch.body)
+        return [*found, *((False, (body, a)) for a in _axes_of_ball(own, joint, spin))], True
+    if is_ball:
+        x, y, z = (float(number) for number in R[parent][normal])
+        found.append((False, (parent, (x, y, z))))
     # An axis that is fixed in the tree's parent acts before one that is fixed in its child.
     found.sort(key=lambda entry: not entry[0] and entry[1][0] != parent and len(axes) == 2)
     if normal is None:
@@ -297,7 +317,7 @@ def _finish(
     slides = np.array([s for _, s, *_ in coordinates], dtype=bool)
     before, depth = _paths(columns["parent"], columns["first"])
     reach = np.where(slides, np.inf, REACH)
-    reach[columns["first"][:-1][columns["is_ball"]] + 1] = REACH_ACROSS
+    reach[columns["ball"][columns["ball"] >= 0] + 1] = REACH_ACROSS
     return Tree(
         **{
             name: column.astype(float) if column.ndim > 1 else column

@@ -30,12 +30,16 @@ TREE_KINDS = tuple(name for name, kind in KINDS.items() if kind.tree is not None
 
 def random_tree(rng, kinds=TREE_KINDS, gravity=True, **others):
     """A body on each kind of joint, which holds it to the ground or to one of those before; every
-    second joint is defined from the body to what holds it.
+    second joint is defined from the body to what holds it. A body of the kind ``free`` has none;
+    if that is the first one, no joint is on the ground.
     """
     bodies = [random_body(rng, f"B{k}") for k in range(len(kinds))]
     joints = []
     for k, kind in enumerate(kinds):
-        holder = GROUND.name if k == 0 else [GROUND, *bodies][int(rng.integers(k + 1))].name
+        if kind == "free":
+            continue
+        holders = bodies[:k] if kinds[0] == "free" else [GROUND, *bodies[:k]]
+        holder = GROUND.name if k == 0 else holders[int(rng.integers(len(holders)))].name
         ends = (holder, f"B{k}") if k % 2 == 0 else (f"B{k}", holder)
         joints.append(joint_between(bodies, kind, f"J{k}", *ends, random_frame(rng)))
     down = random_vector(rng, 5.0) if gravity else (0.0, 0.0, 0.0)

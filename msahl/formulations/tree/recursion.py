@@ -256,7 +256,7 @@ def set_momenta(tree: Tree, motion: TreeMotion) -> None:
             da, ds = vector_at(motion.screw_rate, 6 * k), vector_at(motion.screw_rate, 6 * k + 3)
             store(motion.p, k, dot(a, L) + dot(s, P))
             store(motion.force, k, dot(da, L) + dot(ds, P) + dot(a, M) + dot(s, F))
-        if tree.is_ball[b]:
+        if tree.ball[b] >= 0:
             _set_moment(tree, motion, b)
         if tree.parent[b] > 0:
             place = 6 * tree.parent[b]
@@ -271,16 +271,23 @@ def _set_moment(tree: Tree, motion: TreeMotion, b: int) -> None:
     """Set the rates of the momenta of the ball of body ``b`` about axes fixed in its parent."""
     L, P = vector_at(motion.momenta, 6 * b), vector_at(motion.momenta, 6 * b + 3)
     M, F = vector_at(motion.wrench, 6 * b), vector_at(motion.wrench, 6 * b + 3)
+    point = pivot(tree, motion, b)
+    w, v = vector_at(motion.twist, 6 * b), vector_at(motion.twist, 6 * b + 3)
+    velocity = sum_of(v, cross(w, point))
     before = tree.parent[b]
-    w, v = vector_at(motion.twist, 6 * before), vector_at(motion.twist, 6 * before + 3)
-    D = matrix_at(motion.rotation, 9 * before)
-    arm = times(D, at(motion.parent_arm, b))
-    point = sum_of(vector_at(motion.place, 3 * before), arm)
-    for k in range(tree.first[b], tree.first[b + 1]):
+    w, D = vector_at(motion.twist, 6 * before), matrix_at(motion.rotation, 9 * before)
+    for k in range(tree.ball[b], tree.first[b + 1]):
         a = times(D, at(motion.axis, k))
-        s = cross(point, a)
-        da, ds = cross(w, a), sum_of(cross(w, s), cross(v, a))
+        s, da = cross(point, a), cross(w, a)
+        ds = sum_of(cross(velocity, a), cross(point, da))
         store(motion.moment, k, dot(da, L) + dot(ds, P) + dot(a, M) + dot(s, F))
+
+
+@kernel
+def pivot(tree: Tree, motion: TreeMotion, b: int) -> LaneVector:
+    """Point about which the last hinges of body ``b`` rotate, from the origin."""
+    D = matrix_at(motion.rotation, 9 * b)
+    return sum_of(vector_at(motion.place, 3 * b), times(D, at(motion.child_arm, b)))
 
 
 @kernel

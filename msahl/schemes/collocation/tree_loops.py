@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra import small_system
-from msahl.algebra.lanes import LaneVector, cross, dot, sum_of, vector_at
+from msahl.algebra.lanes import LaneVector, cross, dot, vector_at
 from msahl.algebra.lanes import matrix_at as matrix_at_lanes
 from msahl.algebra.lanes import times as lanes_times
 from msahl.algebra.vector import (
@@ -121,7 +121,7 @@ def new_loop_stages(cut: Cut, tree: Tree, system: System, tableau: Tableau) -> L
         x=np.zeros((frame_count(system.frames), 3)),
         R=np.zeros((frame_count(system.frames), 3, 3)),
         gap=np.zeros((multipliers, 3)),
-        is_ball=tree.is_ball[tree.body[cut.coordinate]],
+        is_ball=of_ball(tree)[cut.coordinate],
         weight=tableau.multiplier_weight,
         y=np.zeros((s, m)),
         last_y=np.zeros((s, m)),
@@ -137,6 +137,12 @@ def new_loop_stages(cut: Cut, tree: Tree, system: System, tableau: Tableau) -> L
         **arrays,
         **{name: np.zeros((e, LANES)) for name in ("gradient", "lever", "moment", "balance")},
     )
+
+
+def of_ball(tree: Tree) -> np.ndarray:
+    """(n,) whether a coordinate of the tree is one of a ball."""
+    first = tree.ball[tree.body]
+    return (first >= 0) & (np.arange(tree.body.size) >= first)
 
 
 def _lane_arrays(cut: Cut, tree: Tree, tableau: Tableau) -> dict[str, np.ndarray]:
@@ -361,12 +367,10 @@ def _set_levers(loops: LoopStages, tree: Tree, motion: TreeMotion) -> None:
             if loops.is_ball[e]:
                 k = cut.coordinate[e]
                 b = tree.body[k]
-                before = tree.parent[b]
-                D = matrix_at_lanes(motion.rotation, 9 * before)
-                arm = lanes_times(D, at(motion.parent_arm, b))
-                point = sum_of(vector_at(motion.place, 3 * before), arm)
+                D = matrix_at_lanes(motion.rotation, 9 * tree.parent[b])
                 a = lanes_times(D, at(motion.axis, k))
-                store(loops.balance, e, _work(loops, r, e, a, cross(point, a)))
+                s = cross(recursion.pivot(tree, motion, b), a)
+                store(loops.balance, e, _work(loops, r, e, a, s))
                 for i in range(last):
                     loops.moment[e, i + 1] = loops.balance[e, i]
 

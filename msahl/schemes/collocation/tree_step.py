@@ -78,9 +78,10 @@ all steps. With 1e-14 the energy of a pendulum drifts by 3e-15 of itself in a st
 WORK_TARGET = 1e-12
 """Largest last correction where loads do work, which is evaluated before it: work changes with the
 velocities themselves, momenta with the time step times these."""
-MAX_ITERATIONS = 18
-"""Iterations after which a step is left to Newton's method, which takes two to five that take five
-times as long or more."""
+MAX_ITERATIONS, MAX_LOADED = 18, 10
+"""Iterations, and those of systems with loads, which take longer, after which a step is left to
+Newton's method. That takes one or two, and as long as some 20 and 10 of these: see
+``stepper.work_of``."""
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
 CAUTION, FORGETTING = 4.0, 1.2
@@ -220,9 +221,10 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             stages.factor,
         )
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
+    iterations = MAX_ITERATIONS if tree.tree.bare else MAX_LOADED
     tree.figures[STEPS] += 1.0
     workspace.counts[1] += 1
-    for iteration in range(MAX_ITERATIONS):
+    for iteration in range(iterations):
         tree_loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
         if not set_coordinates(tree, h):
             return math.inf
@@ -245,9 +247,7 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
             return left if tree_loops.holds(tree.loops, tree.tree) else math.inf
-        if iteration > MOST_RENEWALS and is_hopeless(
-            residual, ratio, MAX_ITERATIONS - 1 - iteration
-        ):
+        if iteration > MOST_RENEWALS and is_hopeless(residual, ratio, iterations - 1 - iteration):
             return math.inf
         before = residual
     return math.inf
@@ -314,7 +314,7 @@ def predict(tree: TreeStages, stages: StageArrays, R: np.ndarray, t: float, h: f
                     value += stages.rate_weights[i, j] * tree.last_rates[j, k]
             motion.u[k, i] = value
     for b in range(1, tree.tree.frame.size):
-        if tree.tree.is_ball[b]:
+        if tree.tree.ball[b] >= 0:
             _to_hinges(tree, R, b, h)
     for k in range(motion.rate.size):
         for i in range(s, LANES):
@@ -329,8 +329,8 @@ def _set_start(tree: TreeStages, R: np.ndarray) -> None:
     for k in range(motion.rate.size):
         tree.rates[s, k] = motion.rate[k]
     for b in range(1, tree.tree.frame.size):
-        if tree.tree.is_ball[b]:
-            k = tree.tree.first[b]
+        k = tree.tree.ball[b]
+        if k >= 0:
             w = in_parent(tree, R, b, (motion.rate[k], motion.rate[k + 1], motion.rate[k + 2]))
             for c in range(3):
                 tree.rates[s, k + c] = w[c]
@@ -349,7 +349,7 @@ def in_parent(tree: TreeStages, R: np.ndarray, b: int, w: Vector) -> Vector:
 @kernel
 def axes_of_ball(tree: TreeStages, b: int) -> tuple[Vector, Vector, Vector]:
     """Axes of the three hinges of body ``b`` at the start of the step, inertial axes."""
-    k, axis = tree.tree.first[b], tree.motion.axis
+    k, axis = tree.tree.ball[b], tree.motion.axis
     return (at(axis, k), at(axis, k + 1), at(axis, k + 2))
 
 
@@ -362,7 +362,7 @@ def _to_hinges(tree: TreeStages, R: np.ndarray, b: int, h: float) -> None:
     """Replace angular velocities of the ball of body ``b``, in the parent's axes, by the rates of
     its hinges.
     """
-    k, u, s = tree.tree.first[b], tree.motion.u, tree.rates.shape[0] - 1
+    k, u, s = tree.tree.ball[b], tree.motion.u, tree.rates.shape[0] - 1
     axes, parent = axes_of_ball(tree, b), matrix_at(R, tree.tree.frame[tree.tree.parent[b]])
     for i in range(s):
         w = times(axes, times(parent, (u[k, i], u[k + 1, i], u[k + 2, i])))
@@ -433,8 +433,8 @@ def set_end_momenta(tree: TreeStages, weight: np.ndarray, h: float) -> None:
         motion.end_momentum[k] = changed(motion.momentum[k], motion.force, k, weight, h)
         motion.end_momentum[k] += tree_loops.impulse(tree.loops, k, h)
     for b in range(1, tree.tree.frame.size):
-        if tree.tree.is_ball[b]:
-            k = tree.tree.first[b]
+        k = tree.tree.ball[b]
+        if k >= 0:
             x, y = changed(0.0, motion.u, k, weight, h), changed(0.0, motion.u, k + 1, weight, h)
             about_x = changed(motion.momentum[k], motion.moment, k, weight, h)
             about_y = changed(motion.momentum[k + 1], motion.moment, k + 1, weight, h)
@@ -465,7 +465,7 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
     set_end_momenta(tree, weight, h)
     for k in range(motion.rate.size):
         begin = motion.momentum[k]
-        if tree.tree.is_ball[tree.tree.body[k]]:
+        if 0 <= tree.tree.ball[tree.tree.body[k]] <= k:
             begin = changed(motion.end_momentum[k], motion.force, k, weight, -h)
             begin -= tree_loops.impulse(tree.loops, k, h)
         value = load(motion.p, k) - begin
@@ -613,9 +613,9 @@ def _save_rates(tree: TreeStages, R: np.ndarray) -> None:
         for i in range(s):
             tree.last_rates[i, k] = motion.u[k, i]
     for b in range(1, tree.tree.frame.size):
-        if not tree.tree.is_ball[b]:
+        k = tree.tree.ball[b]
+        if k < 0:
             continue
-        k = tree.tree.first[b]
         for i in range(s):
             rates = (motion.u[k, i], motion.u[k + 1, i], motion.u[k + 2, i])
             w = angular_velocity(motion.q[k, i], motion.q[k + 1, i], rates)
