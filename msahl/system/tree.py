@@ -36,8 +36,9 @@ from msahl.system.cut import Cut, build_cut
 MOST_PRODUCTS = 800
 """Products in the factors of a mass matrix, per body, from which absolute coordinates take less
 work: by timings of planar chains, at about 70 bodies."""
-MOST_EQUATIONS = 12
-"""Equations of cut joints from which absolute coordinates take less work."""
+MOST_EQUATIONS = 36
+"""Equations of cut joints from which absolute coordinates take less work, as these are solved as a
+dense system: by timings of nets, at 40 to 50."""
 REACH, REACH_ACROSS = 1.5, 1.0
 """Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``; and
 about the second one of a ball, whose three axes are in a plane at a right angle."""
