@@ -2,9 +2,9 @@
 
 Joint coordinates need neither constraint equations nor multipliers but those that close loops. They
 are used where every element has them: rigid bodies in a tree of joints that state their axes
-(``joints.joint.TreeAxis``), or free, with loads that depend on nothing but places, velocities and
-time. All other joints are cut, as are couplings and prescribed motions: their equations remain
-(``system.cut``). The rest keeps absolute coordinates, and ``Formulation.reason`` says why.
+(``joints.joint.TreeAxis``), or free, with loads that depend on places, velocities, time and
+auxiliary states. All other joints are cut, as are couplings and prescribed motions: their equations
+remain (``system.cut``). The rest keeps absolute coordinates, and ``Formulation.reason`` says why.
 
 The tree takes the joints of the fewest coordinates, and of these the ones nearest to the ground, so
 that there are few coordinates, few equations, and short paths. Joint coordinates count from the
@@ -124,7 +124,6 @@ def _excluded(model: Model, system: System) -> str:
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
         (pressed_by_reactions(system.forces) is not None, "friction depends on reactions"),
         (use_reactions(signals), "expressions depend on reactions"),
-        (signals is not None and signals.rate.size > 0, "expressions have auxiliary states"),
     )
     return next((reason for found, reason in reasons if found), "")
 

@@ -86,6 +86,20 @@ def test_free_bodies_carry_joints(seed, monkeypatch):
         assert np.abs(found - wanted).max() < 1e-12 * max(1.0, np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("name", ["actuator_motor", "motor_four_bar", "cart_pole", "satellite"])
+def test_auxiliary_states_are_the_same_in_both_formulations(name, monkeypatch):
+    """Of motors, filters and controllers, whose states loads depend on."""
+    runs = []
+    for form in (False, True):
+        monkeypatch.setattr(SubsystemIntegrator, "joint_coordinates", form)
+        runs.append(simulate(deck(name), scheme="gauss4", dt=2.5e-3, t_final=0.1))
+    assert runs[1].report.tree_subsystems == 1
+    for name in ("states", "signals", "work"):
+        absolute, tree = (getattr(run, name) for run in runs)
+        # Steps of 1e-13; round-off of forty of them.
+        assert np.abs(tree - absolute).max() < 1e-12 * max(1.0, np.abs(absolute).max())
+
+
 def test_free_bodies_keep_their_momentum():
     """A free tree without gravity, 1000 steps: no load changes the momenta of all bodies together,
     about any point.

@@ -50,7 +50,8 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements.constraints import scalar
-from msahl.elements.signals import inputs
+from msahl.elements.signals import inputs, states
+from msahl.elements.signals.group import Signals, Stages
 from msahl.formulations.absolute.frames import (
     displacement_node,
     restrict,
@@ -213,13 +214,7 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     follows = predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
     tree_loops.predict(tree.loops, workspace, stages, follows, h)
     if not tree.tree.bare:
-        forces.node_factors(
-            workspace.system.forces,
-            workspace.state.time[0],
-            h,
-            stages.tableau.from_moments,
-            stages.factor,
-        )
+        begin_loads(workspace, stages, h)
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
     iterations = MAX_ITERATIONS if tree.tree.bare else MAX_LOADED
     tree.figures[STEPS] += 1.0
@@ -235,6 +230,8 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             tree_loops.set_factors(tree.loops, tree.tree, motion)
         if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
+            if not _states_exist(workspace.system.forces.signals, stages.signals):
+                return math.inf
         recursion.set_momenta(tree.tree, motion)
         residual = correct(tree, stages.tableau.force_weight, h)
         workspace.counts[0] += 1
@@ -503,11 +500,21 @@ def speed_of_loads(tree: TreeStages, h: float) -> float:
     return h * largest
 
 
+@kernel
+def begin_loads(workspace: Workspace, stages: StageArrays, h: float) -> None:
+    """Set the factors of laws of time at the nodes, and save what signals are at the start."""
+    group, begin = workspace.system.forces, workspace.state.time[0]
+    forces.node_factors(group, begin, h, stages.tableau.from_moments, stages.factor)
+    started, scalar_group = workspace.start.forces, workspace.system.scalar
+    forces.begin_stages(group.signals, started, scalar_group, stages.signals)
+
+
 @apart
 def set_loads(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> None:
     """Set the loads on all bodies at all nodes, and the work of the step's forces."""
     for w in range(stages.work.size):
         stages.work[w] = 0.0
+    _solve_states(workspace.system.forces.signals, tree, workspace, stages, h)
     for i in range(tree.nodes.shape[0]):
         set_node(tree, workspace, stages, h, i)
         equations.set_force_accelerations(workspace.system, stages, h, i)
@@ -515,6 +522,31 @@ def set_loads(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: fl
     for row in range(tree.motion.load.shape[0]):
         for i in range(tree.nodes.shape[0], LANES):
             tree.motion.load[row, i] = tree.motion.load[row, i - 1]
+
+
+@optional()
+def _solve_states(
+    group: Signals, tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
+) -> None:
+    """Set the auxiliary states at all nodes, which depend on the motion at all of them."""
+    if group.rate.size == 0:
+        return
+    system, node = workspace.system, stages.start.forces
+    for i in range(tree.nodes.shape[0]):
+        set_node(tree, workspace, stages, h, i)
+        forces.set_signal_inputs(group, node, system.scalar, system.frames, stages.at_rest)
+        states.save_inputs(group, node.signals, stages.signals, i)
+    states.solve(group, node.signals, stages.signals, workspace.state.auxiliary, h)
+
+
+@optional(True)
+def _states_exist(group: Signals, stages: Stages) -> bool:
+    """Whether the auxiliary states have a solution, even if no load depends on them."""
+    for j in range(stages.rate.shape[0]):
+        for k in range(group.rate.size):
+            if not math.isfinite(stages.rate[j, k]):
+                return False
+    return True
 
 
 @kernel
@@ -597,6 +629,7 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
     tree_loops.save(tree.loops, state, h)
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
+    states.accept(system.forces.signals, stages.signals, state.auxiliary)
     stages.last_step[0], stages.last_step[1] = state.time[0], h
     tree.figures[FROM_TREE], tree.figures[REST] = 1.0, max(1.0, 0.5 * tree.figures[REST])
     state.time[0] += h
