@@ -121,7 +121,7 @@ class HalfStepCompanion:
         """See ``Companion``."""
         halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
         for integrator, companion_integrator in zip(integrators, self.integrators, strict=True):
-            companion_integrator.stepper.follow_degree(integrator.stepper)
+            companion_integrator.stepper.follow(integrator.stepper, len(steps.sizes), 2)
             if not advance(companion_integrator, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:

@@ -81,7 +81,8 @@ class MeshError:
         of positions in the rows of the ``schedule``, at ``times``; 0 where they are not known.
         """
         for k, integrator in enumerate(self.integrators if not self.stopped else []):
-            integrator.stepper.follow_degree(integrators[min(k, len(integrators) - 1)].stepper)
+            other = integrators[min(k, len(integrators) - 1)]
+            integrator.stepper.follow(other.stepper, len(steps.sizes), 1)
             self.stopped = self.stopped or not advance(integrator, steps.sizes, schedule)
         return self._compare(integrators, times)
 

@@ -79,6 +79,13 @@ class StepMethod(Protocol):
     def set_degree(self, degree: int) -> None:
         """Take the next steps by polynomials of this ``degree``."""
 
+    @property
+    def forms(self) -> np.ndarray | None:
+        """As ``Stepper.forms``."""
+
+    def set_forms(self, forms: np.ndarray) -> None:
+        """Take the steps of the next chunk in absolute coordinates where ``forms`` (m,) is 0."""
+
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """Take and record steps ``first``..``last - 1`` in compiled code; the number of the first
         that was not solved or has an event, ``last`` if there is none.
@@ -167,11 +174,18 @@ class FixedStepper:
         """See ``Stepper``."""
         self.armed = time
 
-    def follow_degree(self, other: Stepper) -> None:
+    @property
+    def forms(self) -> np.ndarray | None:
+        """See ``Stepper``."""
+        return self.method.forms
+
+    def follow(self, other: Stepper, steps: int, parts: int) -> None:
         """See ``Stepper``."""
         degree = other.counters.get("degree", 0)
         if degree != self.method.degree:
             self.method.set_degree(degree)
+        if other.forms is not None:
+            self.method.set_forms(np.repeat(other.forms[:steps], parts))
 
     def smallest_tried(self, h: float) -> float:
         """See ``Stepper``."""

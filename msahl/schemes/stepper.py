@@ -22,8 +22,8 @@ A class that implements ``Stepper`` must
    in ``calls`` what has to be compiled or loaded, and compile nothing before the first step;
 6. start its next step from the accelerations of the state, without extrapolation from earlier
    steps, after ``reset_prediction``: the caller changed the state or its steps are changing fast;
-7. take the degree of another stepper of the same class in ``follow_degree``, if it has one: a
-   companion run is compared with the run step by step;
+7. take the degree of another stepper in ``follow``, if it has one, and the coordinates in which
+   this one has solved its last steps: a companion run is compared with the run step by step;
 8. return in ``smallest_tried`` the size [s] of the shortest step that it tries for a chunk;
 9. count in ``scipy_steps``, ``path_steps`` and ``subdivisions`` the steps solved by scipy, those
    solved along a path from shorter ones, and those divided;
@@ -126,8 +126,16 @@ class Stepper(Protocol):
     def arm(self, time: float) -> None:
         """Let events after ``time`` [s] end the run: none before this is called."""
 
-    def follow_degree(self, other: "Stepper") -> None:
-        """Take the degree of another stepper of the same class."""
+    @property
+    def forms(self) -> np.ndarray | None:
+        """(chunk,) 1 where a step of the last chunk was solved in joint coordinates, 0 where it was
+        in absolute ones; None if there are no others.
+        """
+
+    def follow(self, other: "Stepper", steps: int, parts: int) -> None:
+        """Take the degree of another stepper and, in each of the ``parts`` of the ``steps`` that it
+        took last, absolute coordinates where it did.
+        """
 
     def smallest_tried(self, h: float) -> float:
         """Size [s] of the shortest step tried; ``h`` is the given one."""

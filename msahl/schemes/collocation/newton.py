@@ -104,7 +104,7 @@ def new_collocation_workspace(
         half_rates=np.zeros((2, *stages.last_rates.shape)),
         half_solution=np.zeros((2, *stages.Z.shape)),
         outcome=np.zeros(2),
-        tree=tree and new_tree_stages(*tree, workspace.system, stages.tableau),
+        tree=tree and new_tree_stages(*tree, workspace, stages.tableau),
     )
 
 
@@ -272,6 +272,7 @@ def take_steps(
     for step in range(first, last):
         if due.size > 0:
             dense_output.save_end(subsystem.dense_output.begin, subsystem.workspace)
+            tree_step.choose_form(subsystem.tree, step)
         if not take_step(subsystem, h):
             return step
         if due.size > 0:
@@ -292,6 +293,7 @@ def record_step(
     if last > first and share[last - 1] == 1.0:
         end, last = last - 1, last - 1
     record_at_end(workspace, h, step, end)
+    tree_step.save_form(subsystem.tree, step)
     if end >= 0:
         accelerations.write_instantaneous_reactions(workspace, instant, end)
     if last > first:

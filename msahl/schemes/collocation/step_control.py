@@ -190,7 +190,10 @@ def take_pairs(
     if is_sliding(detector) > 0.0:
         return 0
     if last == 0:
-        return int(try_pair(subsystem, control, detector, order, 0, False))
+        good = try_pair(subsystem, control, detector, order, 0, False)
+        if tree_step.is_mixed(subsystem.tree):
+            good = try_pair(subsystem, control, detector, order, 0, False)
+        return int(good)
     while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
         tried += 2
         if try_pair(subsystem, control, detector, order, done, True):
@@ -234,6 +237,9 @@ def try_pair(
         return False
     error, round_off, well = math.nan, 0.0, subsystem.stages.predicted_well[0]
     if solved and take_long_step(subsystem, control, h):
+        if commit and tree_step.is_mixed(subsystem.tree):
+            restore_start(subsystem, control)
+            return False
         error, round_off = local_error(subsystem, control, order, row)
     if not math.isfinite(error):
         restore_start(subsystem, control)
@@ -246,6 +252,7 @@ def try_pair(
     if good and commit:
         restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
+        tree_step.save_forms(subsystem.tree, row)
         keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
             newton.reset_prediction(subsystem)

@@ -125,6 +125,16 @@ class CollocationMethod:
         newton.reset_prediction(self.subsystem)
 
     @property
+    def forms(self) -> np.ndarray | None:
+        """See ``StepMethod``."""
+        return None if self.subsystem.tree is None else self.subsystem.tree.forms
+
+    def set_forms(self, forms: np.ndarray) -> None:
+        """See ``StepMethod``."""
+        if self.subsystem.tree is not None:
+            self.subsystem.tree.given[: forms.size] = forms
+
+    @property
     def work(self) -> float:
         """Work of the steps of this degree, but for a constant, in iterations of degree 1, absolute
         coordinates.
@@ -264,8 +274,13 @@ class AdaptiveStepper:
         """See ``Stepper``."""
         self.armed = time
 
-    def follow_degree(self, other: Stepper) -> None:
+    @property
+    def forms(self) -> np.ndarray | None:
         """See ``Stepper``."""
+        return self.method.forms
+
+    def follow(self, other: Stepper, steps: int, parts: int) -> None:
+        """See ``Stepper``; no companion is of this class."""
         self.method.set_degree(other.counters["degree"])
 
     def smallest_tried(self, h: float) -> float:

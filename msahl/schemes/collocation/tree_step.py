@@ -88,11 +88,14 @@ LONGEST_REST = 256
 CAUTION, FORGETTING = 4.0, 1.2
 """Factor of the contraction measured in an earlier step, with which a first correction is judged,
 and its growth by every step that did not measure it."""
-FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE = range(7)
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE = range(8)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
 steps to be left to Newton's method now, and after the next step that is not solved; iterations and
 steps in this form so far; ratio of the second to the first correction, and the size of the step in
-which it was measured [s]."""
+which it was measured [s]; 1 if the next step is to be in absolute coordinates."""
+MIXED = 8.0
+"""Growth of the rest after a pair whose steps were not all of one form, of which only the long one
+did not converge."""
 
 
 class TreeStages(NamedTuple):
@@ -106,13 +109,18 @@ class TreeStages(NamedTuple):
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
     half_rates: np.ndarray  # (2, s + 1, n) of both halves of a pair
     half_form: np.ndarray  # (2,) ``FROM_TREE`` after each of them
-    figures: np.ndarray  # (7,) see above
+    forms: np.ndarray  # (chunk,) ``FROM_TREE`` after each step of the present chunk
+    given: np.ndarray  # (chunk,) 0 where a step of the chunk is to be in absolute coordinates
+    figures: np.ndarray  # (8,) see above
 
 
-def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tableau) -> TreeStages:
+def new_tree_stages(
+    tree: Tree, cut: Cut | None, workspace: Workspace, tableau: Tableau
+) -> TreeStages:
     """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes, with the equations
     of a ``cut`` where loops are closed.
     """
+    system, chunk = workspace.system, workspace.monitor.rows.shape[0]
     c, motion = tableau.force_time, new_motion(tree)
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
@@ -125,7 +133,9 @@ def new_tree_stages(tree: Tree, cut: Cut | None, system: System, tableau: Tablea
         last_rates=np.zeros((s + 1, n)),
         half_rates=np.zeros((2, s + 1, n)),
         half_form=np.zeros(2),
-        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0)),
+        forms=np.zeros(chunk),
+        given=np.ones(chunk),
+        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0)),
     )
 
 
@@ -136,6 +146,8 @@ def take_step(
     """Take a step of size ``h`` if it converges, and return whether it did; ``outcome`` (2,)
     receives its residual.
     """
+    if tree.figures[ABSOLUTE] > 0.0:
+        return False
     if tree.figures[RESTING] > 0.0:
         tree.figures[RESTING] -= 1.0
         return False
@@ -156,6 +168,38 @@ def forget(tree: TreeStages) -> None:
         tree.figures[place] = 0.0
     for place in (REST, CONTRACTION, SIZE):
         tree.figures[place] = 1.0
+
+
+@optional()
+def choose_form(tree: TreeStages, step: int) -> None:
+    """Prepare for a ``step`` of the chunk."""
+    tree.figures[ABSOLUTE] = 1.0 - tree.given[step]
+
+
+@optional()
+def save_form(tree: TreeStages, step: int) -> None:
+    """Save in which form a ``step`` of the chunk was solved."""
+    tree.forms[step] = tree.figures[FROM_TREE]
+
+
+@optional()
+def save_forms(tree: TreeStages, step: int) -> None:
+    """Save in which form both halves of a pair were solved, whose first is the ``step``."""
+    for half in range(2):
+        tree.forms[step + half] = tree.half_form[half]
+
+
+@optional(False)
+def is_mixed(tree: TreeStages) -> bool:
+    """Whether a long step was solved in another form than both halves. Each form has an error of
+    its own, so the difference says nothing of either. Then the next steps are left to absolute
+    coordinates.
+    """
+    form = tree.figures[FROM_TREE]
+    if tree.half_form[0] == form and tree.half_form[1] == form:
+        return False
+    tree.figures[RESTING] = tree.figures[REST] = min(MIXED * tree.figures[REST], LONGEST_REST)
+    return True
 
 
 @optional(False)

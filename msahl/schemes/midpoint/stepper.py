@@ -35,6 +35,7 @@ class MidpointMethod:
 
     degree = 0
     memory: None = None
+    forms: None = None
 
     def __init__(
         self, workspace: Workspace, instantaneous: bool, span: Span, storage: Storage
@@ -45,6 +46,9 @@ class MidpointMethod:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
         self.detection = _new_detection(workspace, span, storage)
+
+    def set_forms(self, forms: np.ndarray) -> None:
+        """See ``StepMethod``; there is one form."""
 
     @property
     def kind(self) -> str:
