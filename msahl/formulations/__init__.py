@@ -22,7 +22,7 @@ as ``absolute`` does.
 
 ``tree`` serves steps of gauss: the joints' own displacements within a step. It begins
 each step from a state of the frames and ends in one, so what reads states does not depend on it. It
-owes the step (``schemes.collocation.tree_step``), for several nodes at once:
+owes the step (``schemes.collocation.tree``), for several nodes at once:
 
 1. Start: places, axes, rates and momenta of the coordinates, from the state.
 2. Kinematics: places, rotations and twists of all bodies, by coordinates and their rates.

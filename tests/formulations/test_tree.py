@@ -8,7 +8,7 @@ import pytest
 from msahl.jit.compiled import compiled
 from msahl.run.explain import explain
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.collocation import tree_step
+from msahl.schemes.collocation.tree import step as tree_step
 from tests.support.element_samples import SPRING, spring
 from tests.support.models import deck, drag, random_vector, simulate
 from tests.support.trees import TreeSteps, loaded_tree, random_tree, symplectic_form

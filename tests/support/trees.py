@@ -12,7 +12,8 @@ from msahl.joints.registry import KINDS
 from msahl.laws.registry import JOINT_LAWS
 from msahl.model import ConcentratedLoad, JointActuator, JointLoad, JointSpring, Law
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.collocation import newton, tree_step
+from msahl.schemes.collocation import newton
+from msahl.schemes.collocation.tree import loads
 from msahl.system import evaluate
 from tests.support.element_samples import (
     SPRING,
@@ -87,7 +88,7 @@ class TreeSteps:
         self.state, self.tree = self.workspace.state, self.subsystem.tree
 
     def arguments(self, h):
-        """Those of ``tree_step.take_step`` for a step of size ``h``."""
+        """Those of ``tree.step.take_step`` for a step of size ``h``."""
         return self.tree, self.workspace, self.stages, self.subsystem.outcome, h
 
     def configuration(self):
@@ -116,7 +117,7 @@ class TreeSteps:
         found = self.configuration()
         for b in range(1, tree.frame.size):
             f = tree.frame[b]
-            x, c, v, W = tree_step.body_motion(self.tree, b, 0)
+            x, c, v, W = loads.body_motion(self.tree, b, 0)
             p = compose(c, tuple(found[1][f]))
             found[0][f], found[1][f], found[2][f] = x, p, v
             found[3][f] = np.array(matrix(p)).T @ np.array(W)

@@ -25,10 +25,12 @@ from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
 from msahl.ports import forces
 from msahl.ports.forces import ReactionForces, pressed_by_reactions
-from msahl.schemes.collocation import dense_output, equations, predictor, tree_step
+from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
-from msahl.schemes.collocation.tree_step import TreeStages, new_tree_stages
+from msahl.schemes.collocation.tree import stages as tree_stages
+from msahl.schemes.collocation.tree import step as tree_step
+from msahl.schemes.collocation.tree.stages import TreeStages, new_tree_stages
 from msahl.schemes.collocation.workspace import StageArrays, new_stage_arrays, set_node
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant, new_instant
@@ -112,7 +114,7 @@ def new_collocation_workspace(
 def reset_prediction(subsystem: CollocationWorkspace) -> None:
     """Predict the next step from the accelerations at its start, without earlier steps."""
     subsystem.stages.last_step[1] = 0.0
-    tree_step.forget(subsystem.tree)
+    tree_stages.forget(subsystem.tree)
 
 
 @kernel
@@ -272,7 +274,7 @@ def take_steps(
     for step in range(first, last):
         if due.size > 0:
             dense_output.save_end(subsystem.dense_output.begin, subsystem.workspace)
-            tree_step.choose_form(subsystem.tree, step)
+            tree_stages.choose_form(subsystem.tree, step)
         if not take_step(subsystem, h):
             return step
         if due.size > 0:
@@ -293,7 +295,7 @@ def record_step(
     if last > first and share[last - 1] == 1.0:
         end, last = last - 1, last - 1
     record_at_end(workspace, h, step, end)
-    tree_step.save_form(subsystem.tree, step)
+    tree_stages.save_form(subsystem.tree, step)
     if end >= 0:
         accelerations.write_instantaneous_reactions(workspace, instant, end)
     if last > first:
@@ -312,7 +314,7 @@ def take_step(subsystem: CollocationWorkspace, h: float) -> bool:
     if tree_step.take_step(subsystem.tree, workspace, stages, subsystem.outcome, h):
         return True
     system = workspace.system
-    if tree_step.leave(subsystem.tree, stages):
+    if tree_stages.leave(subsystem.tree, stages):
         accelerations.accelerate(system, workspace.state, workspace.start, subsystem.instant)
     predictor.predict(system, workspace.state, workspace.start, stages, h)
     residual, worst, first = iterate(subsystem, h)

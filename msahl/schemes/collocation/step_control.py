@@ -57,9 +57,10 @@ from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.kernel import kernel, optional
 from msahl.ports import forces
 from msahl.schemes import step_events
-from msahl.schemes.collocation import dense_output, newton, tree_step
+from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.collocation.tree import stages as tree_stages
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
@@ -191,7 +192,7 @@ def take_pairs(
         return 0
     if last == 0:
         good = try_pair(subsystem, control, detector, order, 0, False)
-        if tree_step.is_mixed(subsystem.tree):
+        if tree_stages.is_mixed(subsystem.tree):
             good = try_pair(subsystem, control, detector, order, 0, False)
         return int(good)
     while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
@@ -237,7 +238,7 @@ def try_pair(
         return False
     error, round_off, well = math.nan, 0.0, subsystem.stages.predicted_well[0]
     if solved and take_long_step(subsystem, control, h):
-        if commit and tree_step.is_mixed(subsystem.tree):
+        if commit and tree_stages.is_mixed(subsystem.tree):
             restore_start(subsystem, control)
             return False
         error, round_off = local_error(subsystem, control, order, row)
@@ -252,7 +253,7 @@ def try_pair(
     if good and commit:
         restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
-        tree_step.save_forms(subsystem.tree, row)
+        tree_stages.save_forms(subsystem.tree, row)
         keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
             newton.reset_prediction(subsystem)
@@ -533,7 +534,7 @@ def take_halves(
             copy(stages.last_rates[k], subsystem.half_rates[half, k])
         for k in range(stages.Z.shape[0]):
             copy(stages.Z[k], subsystem.half_solution[half, k])
-        tree_step.save_half(subsystem.tree, half)
+        tree_stages.save_half(subsystem.tree, half)
     copy_state(workspace.state, control.finish)
     return True
 
@@ -660,7 +661,7 @@ def restore_end(
         copy(subsystem.half_rates[1, k], stages.last_rates[k])
     for k in range(stages.Z.shape[0]):
         copy(subsystem.half_solution[1, k], stages.Z[k])
-    tree_step.follow_half(subsystem.tree)
+    tree_stages.follow_half(subsystem.tree)
     stages.last_step[0], stages.last_step[1] = control.middle.time[0], h
     stages.predicted_well[0] = predicted_well
 
@@ -684,7 +685,7 @@ def join_halves(subsystem: CollocationWorkspace, t: float, h: float) -> None:
                 for j in range(s):
                     stages.Z[i, node, k] += halves.multipliers[i, j] * solution[j, node, k]
     stages.last_step[0], stages.last_step[1] = t, h
-    if not tree_step.follow_halves(subsystem.tree, halves):
+    if not tree_stages.follow_halves(subsystem.tree, halves):
         stages.last_step[1] = 0.0
 
 

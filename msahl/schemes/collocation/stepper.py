@@ -20,7 +20,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.tree_step import ITERATIONS, STEPS, TreeStages
+from msahl.schemes.collocation.tree.stages import ITERATIONS, STEPS, TreeStages
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests

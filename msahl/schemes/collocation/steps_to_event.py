@@ -3,8 +3,9 @@
 import numpy as np
 
 from msahl.jit.kernel import kernel
-from msahl.schemes.collocation import newton, tree_step
+from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.collocation.tree import stages as tree_stages
 from msahl.schemes.step_events import Detector, begin_step, has_event, has_known_time
 
 
@@ -25,7 +26,7 @@ def take_steps(
         if has_known_time(detector, subsystem.workspace.state.time[0], h):
             return step
         begin_step(detector, subsystem.workspace)
-        tree_step.choose_form(subsystem.tree, step)
+        tree_stages.choose_form(subsystem.tree, step)
         if not newton.take_step(subsystem, h):
             return step
         if has_event(detector, subsystem.workspace):

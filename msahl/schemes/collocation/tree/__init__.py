@@ -1,0 +1,1 @@
+"""Steps of gauss in joint coordinates."""
