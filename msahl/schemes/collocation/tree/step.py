@@ -46,9 +46,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements.constraints import scalar
 from msahl.elements.signals import states
-from msahl.formulations.absolute.frames import (
-    restrict,
-)
+from msahl.formulations.absolute.frames import restrict
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.jit.kernel import kernel, optional, unit
 from msahl.jit.lanes import LANES, load, spread, store
