@@ -28,7 +28,7 @@ from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT
 from msahl.joints.joint import CHILD, PARENT, TreeAxis, X, Y, Z
 from msahl.joints.registry import KINDS
 from msahl.model import Joint, Model, RigidBody
-from msahl.ports.forces import pressed_by_reactions
+from msahl.ports.forces import Forces, pressed_by_reactions
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.collect import frame_index
 from msahl.system.cut import Cut, build_cut
@@ -47,6 +47,15 @@ FREE = "free"
 INERTIAL = ""
 """What holds a free body."""
 FREE_AXES = (*(TreeAxis(True, k) for k in (X, Y, Z)), *(TreeAxis(False, k) for k in (X, Y, Z)))
+PARTS = {
+    *("frames", "bodies", "coincide", "scalar", "beams", "reactions", "laws", "forces", "shown"),
+    *("unit", "multipliers", "decay", "relaxation", "blocks", "pattern", "constant"),
+}
+"""Parts of a system that steps in joint coordinates know; an element that adds one is another."""
+LOADS = {
+    *("concentrated", "point", "along", "compliance", "actuator", "controlled", "signals", "laws"),
+}
+"""Groups of forces of which there are none but by loads of the model, and what they refer to."""
 EQUAL = 1e-6
 """Difference of principal moments, relative to the largest, within which a body is one of
 revolution."""
@@ -117,8 +126,11 @@ def tree_kind(model: Model, system: System) -> tuple[bool, ...]:
 def _excluded(model: Model, system: System) -> str:
     """Return why elements of the model need absolute coordinates; empty if none does."""
     signals, scalar = system.forces.signals, system.scalar
+    others = [name for name in system._fields if name not in PARTS]
+    unknown = [name for name in others if getattr(system, name) is not None]
     rates = scalar is not None and not scalar.equations.holonomic.all()
     reasons = (
+        (bool(unknown), f"{', '.join(unknown)} have no joint coordinates"),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
@@ -187,6 +199,7 @@ def _build(
         "frame": [ground],
         "parent": [0],
         "first": [0, 0],
+        "free": [False],
         "ball": [-1],
         "parent_point": [np.zeros(3)],
         "child_point": [np.zeros(3)],
@@ -205,6 +218,7 @@ def _build(
             "frame": frame[branch.body],
             "parent": number[branch.parent],
             "first": len(coordinates),
+            "free": branch.joint.kind == FREE,
             "ball": ball,
             "parent_point": sides[0],
             "child_point": sides[1],
@@ -214,7 +228,15 @@ def _build(
         }
         for name, value in row.items():
             arrays[name].append(value)
-    return _finish(system, arrays, coordinates, not model.loads)
+    return _finish(system, arrays, coordinates, not model.loads and _is_bare(system.forces))
+
+
+def _is_bare(forces: Forces) -> bool:
+    """Whether nothing acts or is solved for beside the loads of the model."""
+    others = [name for name in forces._fields if name not in LOADS]
+    signals = forces.signals
+    states = signals is not None and signals.rate.size > 0
+    return not states and all(getattr(forces, name) is None for name in others)
 
 
 def _sides(model: Model, branch: Branch) -> tuple[Vector, Vector, object, object]:

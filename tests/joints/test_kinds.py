@@ -17,9 +17,10 @@ NOT_A_JOINT = {
     "post/scene/glyphs.py": {"distance"},
     "run/column_units.py": {"distance"},
     "system/topology.py": {"rigid"},
+    "formulations/tree/table.py": {"screw"},
 }
-"""Files with the name of a kind as the name of something else: the distance of two markers, and
-strains of beams that cannot change."""
+"""Files with the name of a kind as the name of something else: the distance of two markers, strains
+of beams that cannot change, and motions as spatial vectors."""
 
 
 NAMING = ("joints", "importers")

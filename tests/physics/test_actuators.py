@@ -136,7 +136,9 @@ def test_the_work_of_an_actuator_is_the_change_of_energy(machine, scheme):
 
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 def test_all_solvers_agree(scheme):
-    runs = [simulate(motor(), 0.02, T, scheme, solver=s) for s in ("newton", "root", "auto")]
+    # In absolute coordinates all: steps in joint coordinates have another truncation error.
+    solvers = ("newton", "root", "auto")
+    runs = [simulate(motor(), 0.02, T, scheme, solver=s, full=True) for s in solvers]
     for run in runs[1:]:
         # Each step is solved to 1e-12 of its motion or better.
         assert run.states == pytest.approx(runs[0].states, abs=1e-9)

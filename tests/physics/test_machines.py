@@ -51,10 +51,10 @@ MACHINES = {
     "quarter_car": Machine(
         quarter_car, 1.0, {"preserving": 2.5e-3, "gauss2": 2.5e-3, "gauss3": 5e-3}
     ),
-    "satellite": Machine(satellite, 10.0, {"preserving": 5e-3, "gauss2": 0.05, "gauss3": 0.1}),
+    "satellite": Machine(satellite, 10.0, {"preserving": 5e-3, "gauss2": 0.1, "gauss3": 0.4}),
     "cart_pole": Machine(cart_pole, 1.0, {"preserving": 0.01, "gauss2": 0.05, "gauss3": 0.05}),
     "motor_four_bar": Machine(
-        motor_four_bar, 0.2, {"preserving": 2e-3, "gauss2": 5e-3, "gauss3": 1e-2}
+        motor_four_bar, 0.2, {"preserving": 2e-3, "gauss2": 5e-3, "gauss3": 8e-3}
     ),
 }
 CASES = [(name, scheme) for name in MACHINES for scheme in ORDERS]

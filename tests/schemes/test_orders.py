@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation.tableau import new_tableau
 from tools.validation import orders as orders_module
 
@@ -14,7 +15,10 @@ longer = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def orders():
-    return orders_module
+    """In absolute coordinates, of which the steps below are; see ``tests.formulations``."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SubsystemIntegrator, "joint_coordinates", False)
+        yield orders_module
 
 
 STEPS = {

@@ -24,6 +24,7 @@ class Tree(NamedTuple):
     frame: np.ndarray  # (b+1,) of each body; the ground's first
     parent: np.ndarray  # (b+1,) number of the parent; 0 for the ground itself
     first: np.ndarray  # (b+2,) first coordinate of each body
+    free: np.ndarray  # (b+1,) whether no joint holds the body
     ball: np.ndarray  # (b+1,) first of the three hinges of its ball, its last ones; -1: none
     parent_point: np.ndarray  # (b+1, 3) of the joint, from the parent's mass centre, its axes [m]
     child_point: np.ndarray  # (b+1, 3) likewise of the body itself

@@ -243,11 +243,7 @@ def try_pair(
             return False
         error, round_off = local_error(subsystem, control, order, row)
     if not math.isfinite(error):
-        restore_start(subsystem, control)
-        newton.reset_prediction(subsystem)
-        if not (commit and gives_way(detector, t) > 0.0):
-            figures[NEXT] = figures[BEST] = UNSOLVED * h
-            count_refused(control, SOLVED * h, commit)
+        refuse_unsolved(subsystem, control, detector, t, h, commit)
         return False
     good = choose_next_size(subsystem, control, order, h, error, round_off, commit)
     if good and commit:
@@ -262,6 +258,25 @@ def try_pair(
     restore_start(subsystem, control)
     count_refused(control, SAFETY * h, commit)
     return good
+
+
+@kernel
+def refuse_unsolved(
+    subsystem: CollocationWorkspace,
+    control: StepControl,
+    detector: Detector | None,
+    t: float,
+    h: float,
+    commit: bool,
+) -> None:
+    """Go back to the start ``t`` of a pair of size ``h`` that was not solved; a smaller one is next
+    unless switches give way.
+    """
+    restore_start(subsystem, control)
+    newton.reset_prediction(subsystem)
+    if not (commit and gives_way(detector, t) > 0.0):
+        control.figures[NEXT] = control.figures[BEST] = UNSOLVED * h
+        count_refused(control, SOLVED * h, commit)
 
 
 @kernel
@@ -497,11 +512,13 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
     near = near or abs(new - end) <= ROUND_OFF * end
     if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
         change = abs(detector.ends[2, k] - detector.ends[0, k])
-        detector.event[0] = k
-        if not (near or abs(value) <= margins.AT_ENDS * change):
-            # The long pair showed an event where there is none: its dense output is wrong by more.
-            detector.event[0], figures[NEXT] = -1, MISLED * figures[NEXT]
-        return NO_EVENT
+        if near or abs(value) <= margins.AT_ENDS * change:
+            detector.event[0] = k
+            return NO_EVENT
+        # The dense output of the long pair was wrong by more. This pair may have the event within.
+        control.counts[SOUGHT], figures[STOP] = 0, math.inf
+        figures[NEXT] *= MISLED
+        return AGAIN
     control.counts[SOUGHT] += 1
     figures[STOP] = new
     return AGAIN

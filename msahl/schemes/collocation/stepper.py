@@ -46,6 +46,10 @@ WORTH = 0.9
 """Fraction of the present work below which the degree is changed."""
 
 
+LEAST_IN_TREE = 2
+"""Least degree that a tolerance chooses in joint coordinates, where that of 1 takes as long."""
+
+
 class CollocationMethod:
     """The ``StepMethod`` of a collocation ``scheme`` with polynomials of a ``degree``."""
 
@@ -213,7 +217,9 @@ class AdaptiveStepper:
     def __init__(
         self, method: CollocationMethod, degrees: tuple[int, ...], settings: ControlSettings
     ) -> None:
-        self.method, self.workspace, self.degrees = method, method.workspace, degrees
+        self.method, self.workspace = method, method.workspace
+        least = 1 if method.tree is None else LEAST_IN_TREE
+        self.degrees = tuple(d for d in degrees if d >= least) or degrees
         self.requests = Requests()
         self.armed = math.inf
         self.scipy_steps = self.path_steps = self.subdivisions = 0

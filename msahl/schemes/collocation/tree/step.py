@@ -37,7 +37,10 @@ import numpy as np
 from msahl.algebra.rotation import compose, matrix
 from msahl.algebra.vector import (
     ZERO,
+    Vector,
+    add,
     at,
+    axpy,
     put,
     scale,
     sub,
@@ -46,7 +49,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements.constraints import scalar
 from msahl.elements.signals import states
-from msahl.formulations.absolute.frames import restrict
+from msahl.formulations.absolute.frames import Frames, restrict
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.jit.kernel import kernel, optional, unit
 from msahl.jit.lanes import LANES, load, spread, store
@@ -70,6 +73,7 @@ from msahl.schemes.common.criteria import AT_REST, STUCK
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system import evaluate
+from msahl.system.arrays import State
 
 TARGET = 3e-16
 """Largest last correction times its contraction: the error that remains, which has the same sign in
@@ -301,11 +305,10 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
         x, c, v, W = body_motion(tree, b, 0)
+        c = restrict(frames, 1, c)
         put(state.a, f, restrict(frames, 0, scale(rest, sub(v, at(state.a, f)))))
         put(state.alpha, f, restrict(frames, 1, scale(rest, sub(W, at(state.alpha, f)))))
-        put(state.x, f, x)
-        # Positions follow from rotations, which are composed without such a rest.
-        put(state.x_low, f, ZERO)
+        _move(tree, state, frames, b, x)
         p = compose(c, at(state.p, f))
         put(state.p, f, p)
         put(state.v, f, restrict(frames, 0, v))
@@ -322,6 +325,26 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
     state.time[0] += h
     evaluate.prepare(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
+
+
+@kernel
+def _move(tree: TreeStages, state: State, frames: Frames, b: int, x: Vector) -> None:
+    """Move body ``b`` to ``x`` or, if it is free, by its slides, without adding up round-off."""
+    f, k = tree.tree.frame[b], tree.tree.first[b]
+    if not tree.tree.free[b]:
+        # Positions follow from rotations, which are composed without a rest.
+        old = at(state.x, f)
+        put(state.x, f, add(restrict(frames, 0, x), sub(old, restrict(frames, 0, old))))
+        put(state.x_low, f, ZERO)
+        return
+    u = ZERO
+    while k < tree.tree.first[b + 1] and tree.tree.slides[k]:
+        u = axpy(tree.motion.q[k, 0], at(tree.motion.axis, k), u)
+        k += 1
+    for i in range(3):
+        total = state.x[f, i] + (u[i] + state.x_low[f, i])
+        state.x_low[f, i] += u[i] - (total - state.x[f, i])
+        state.x[f, i] = total
 
 
 @kernel
