@@ -109,8 +109,10 @@ STOPWATCH = _Stopwatch()
 
 
 def working_clock() -> float:
-    """Return the seconds of a clock that stops while kernels are compiled."""
-    return time.perf_counter() - STOPWATCH.seconds
+    """Return the seconds that this thread has computed: a clock that stops while other programs
+    have the processor, and while kernels are compiled, which happens in processes of their own.
+    """
+    return time.thread_time()
 
 
 def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) -> None:

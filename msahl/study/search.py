@@ -153,13 +153,18 @@ class Search:
                 self._end(curve, "the time of the study was used up")
 
     def _give_up(self, curve: Curve, k: int) -> None:
-        """Continue the search after a run that has taken too long."""
+        """Continue the search after a run that has taken too long. Where it was the first of its
+        curve, steps are too large for it, and no other curve begins at so large ones.
+        """
         if curve.runs and k < min(curve.runs):
             self._end(curve, "a finer run would take too long")
         elif curve.runs:
             curve.coarsest = True
         else:
             curve.first, curve.coarsest = k - 1, True
+            if curve.scheme != AUTO:
+                for other in (c for c in self.curves if not c.runs and c.scheme != AUTO):
+                    other.first = min(other.first, k - 1)
 
     def _allowed(self) -> float:
         """Return the seconds that one run may take."""
