@@ -163,11 +163,12 @@ def _plan(deck: Path, given: dict[str, Any]) -> "Plan":
 def _carry_out(
     plan: "Plan", deck: Path, given: dict[str, Any], entered: float
 ) -> "tuple[Study, Interruption]":
-    """Make the runs; the command was called at the time ``entered`` of ``working_clock`` [s]."""
+    """Make the runs; the command was called when this thread had computed for ``entered`` [s]."""
+    from msahl.jit.compiled import working_clock
     from msahl.study.study import default_metric, find_reference
     from msahl.study.study import study as run_study
 
-    began = entered - START_SECONDS
+    began = working_clock() - (time.thread_time() - entered) - START_SECONDS
     until = began + plan.budget - WRITING_SECONDS
     with stoppable() as stopped, _shown(deck, plan.budget, began) as (tell, progress):
         progress("reference")

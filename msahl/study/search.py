@@ -41,7 +41,8 @@ COARSE, FINE = 1e-2, 1e-10
 FEWEST = 4
 """Least number of steps of a run."""
 MOST_ITERATIONS = 6.0
-"""Mean number of iterations per step above which no larger step is tried."""
+"""Mean number of iterations per step above which no larger step is tried, if the run is not short:
+solvers differ in how many they take."""
 LARGE_ROTATION = 1.0
 """Rotation per step [rad] at which a curve starts."""
 FIRST_TOLERANCE = -4
@@ -205,10 +206,16 @@ class Search:
         """Return whether a run at larger steps than those of ``run`` is worth its time."""
         if larger.chooses_steps:
             return larger.size <= 1.0
-        # If steps converge badly, a run at larger ones takes many seconds.
+        if FEWEST * larger.size > self.plan.model.simulation.t_final:
+            return False
+        # If steps converge badly, a run at larger ones takes many seconds, if this one is not short.
         report = run.trial.report
-        eased = report.iterations <= MOST_ITERATIONS * report.steps and not report.subdivisions
-        return eased and FEWEST * larger.size <= self.plan.model.simulation.t_final
+        quick = run.trial.seconds < SHORT or report.iterations <= MOST_ITERATIONS * report.steps
+        return (
+            quick
+            and not report.subdivisions
+            and FEWEST * larger.size <= self.plan.model.simulation.t_final
+        )
 
     def _end(self, curve: Curve, why: str) -> None:
         """End a curve and report it."""
