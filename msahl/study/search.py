@@ -208,14 +208,10 @@ class Search:
             return larger.size <= 1.0
         if FEWEST * larger.size > self.plan.model.simulation.t_final:
             return False
-        # If steps converge badly, a run at larger ones takes many seconds, if this one is not short.
+        # If steps converge badly, a run at larger ones takes many seconds, unless it is short.
         report = run.trial.report
         quick = run.trial.seconds < SHORT or report.iterations <= MOST_ITERATIONS * report.steps
-        return (
-            quick
-            and not report.subdivisions
-            and FEWEST * larger.size <= self.plan.model.simulation.t_final
-        )
+        return quick and not report.subdivisions
 
     def _end(self, curve: Curve, why: str) -> None:
         """End a curve and report it."""

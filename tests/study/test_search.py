@@ -1,5 +1,6 @@
 """Studies that choose their steps: the curves, the recommendation, the reference, the report."""
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +21,7 @@ from msahl.post.draw import style
 from msahl.results.read import ResultError
 from msahl.study import independent as independent_solutions
 from msahl.study import reference_cache, refined_runs
+from msahl.study import runs as study_runs
 from msahl.study.breakpoints import breakpoints, longest_step
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import compute_errors
@@ -272,6 +274,21 @@ def test_stiff_systems_do_not_use_up_the_time_of_a_reference(monkeypatch):
         independent(pendulum(), times, 1.1e-6, seconds=400.0)
     # A quarter of them, and the steps in which they were exceeded.
     assert clock[0] < 150.0
+
+
+def test_the_time_of_other_programs_is_not_counted(monkeypatch):
+    """Neither by the clock of a study nor in the seconds of its runs."""
+    before = working_clock()
+    time.sleep(0.4)
+    assert working_clock() - before < 0.2
+    for name, times in (("time", [0.0, 10.0]), ("working_clock", [0.0, 2.5])):
+        clock = iter(times).__next__
+        changed = SimpleNamespace(perf_counter=clock) if name == "time" else clock
+        monkeypatch.setattr(study_runs, name, changed)
+    report = SimpleNamespace(seconds={"loop": 8.0, "output": 1.0})
+    monkeypatch.setattr(study_runs, "run", lambda *_, **__: report)
+    study_runs._timed_run(None, None, None, bool)
+    assert report.seconds == {"loop": 2.0, "output": 0.25}
 
 
 def test_no_curve_begins_at_steps_that_were_too_large_for_another():
