@@ -30,6 +30,10 @@ OUT := $(RESULTS)/$(basename $(notdir $(subst $(SPACE),_,$(DECK))))
 
 SITE := build/site
 
+# Python keeps its compiled files, also where the environment forbids it: tests start thousands of
+# processes, each of which would compile the sources again.
+export PYTHONDONTWRITEBYTECODE :=
+
 # The thesis's tables 4.2 and 4.4: angles by steps, 10 s.
 SWEEP := $(RESULTS)/sweep
 SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a)))

@@ -18,7 +18,7 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from itertools import pairwise
@@ -106,7 +106,9 @@ EXCEPTIONS = (
     Allowance("msahl/post/web/*.css", r"\bbox-shadow: ", "a property of CSS"),
 )
 
-COMPILED = [
+Entry = tuple[re.Pattern[str], re.Pattern[str] | None, Term]
+
+COMPILED: list[Entry] = [
     (
         re.compile(rf"\b(?:{term.pattern})\b"),
         re.compile(rf"\b(?:{term.allowed})\b") if term.allowed else None,
@@ -122,14 +124,28 @@ def in_words(line: str) -> str:
     return re.sub(r"[_\W]+", " ", line).lower()
 
 
-def findings_of(path: str, before: str, line: str) -> Iterator[tuple[str, str]]:
-    """Yield each word of the list that a line holds, with the term to write instead.
+def findings_in(path: str, lines: list[str]) -> Iterator[tuple[int, str, str]]:
+    """Yield the number of each line that holds a word of the list, the word, and the term to write
+    instead. The file's name is a text, too: line 0.
+    """
+    words = in_words("\n".join([path, *lines]))
+    sought = [entry for entry in COMPILED if entry[0].search(words)]
+    if sought:
+        for number, (before, line) in enumerate([("", path), *pairwise(["", *lines])]):
+            for word, instead in findings_of(path, before, line, sought):
+                yield number, word, instead
+
+
+def findings_of(
+    path: str, before: str, line: str, sought: Sequence[Entry] = COMPILED
+) -> Iterator[tuple[str, str]]:
+    """Yield each word of those ``sought`` that a line holds, with the term to write instead.
 
     Phrases may begin in the line ``before``.
     """
     tail = " ".join(in_words(before).split()[-3:]) + " "
     words = tail + in_words(line)
-    for pattern, allowed, term in COMPILED:
+    for pattern, allowed, term in sought:
         text = allowed.sub(lambda match: "." * len(match[0]), words) if allowed else words
         for found in pattern.finditer(text):
             if found.end() > len(tail) and not is_exception(path, line):
@@ -197,12 +213,10 @@ def main() -> int:
     arguments = parser.parse_args()
     counts: Counter[str] = Counter()
     for name, lines in texts(arguments.root, arguments.paths):
-        # A file's name is a text, too.
-        for number, (before, line) in enumerate([("", name), *pairwise(["", *lines])]):
-            for word, instead in findings_of(name, before, line):
-                counts[str(Path(name).parent)] += 1
-                if not arguments.count:
-                    print(f"{name}:{number}: '{word}': write {instead}")
+        for number, word, instead in findings_in(name, lines):
+            counts[str(Path(name).parent)] += 1
+            if not arguments.count:
+                print(f"{name}:{number}: '{word}': write {instead}")
     if arguments.count:
         for folder, count in sorted(counts.items()):
             print(f"{count:5d}  {folder}")

@@ -52,8 +52,8 @@ COMMAND_SECONDS = 1.6
 @click.option("--scheme", "schemes", type=click.Choice(choices()), multiple=True,
               help="Study this scheme; repeat for more (default: all).")  # fmt: skip
 @click.option("--budget", type=NumberType(min=1.0), default=10.0, show_default=True,
-              metavar="S", help="Set the time in seconds that the study may take where it chooses "
-              "the step sizes; compiling is not counted.")  # fmt: skip
+              metavar="S", help="Set the seconds that the study may compute where it chooses the "
+              "step sizes: compiling is not counted, nor the time of other programs.")  # fmt: skip
 @click.option("--reference", default="auto", show_default=True, metavar="KIND",
               help="Choose the true values: 'independent' (another integrator), the folder of a "
               "run, or 'auto': independent or, where that takes too long, msahl's own runs with "
@@ -81,7 +81,7 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
 
     Example: msahl study decks/thesis/double_pendulum_89.xml --target 1e-4
     """
-    entered = time.perf_counter()
+    entered = time.thread_time()
     from msahl.deck import DeckError
     from msahl.results.read import ResultError
     from msahl.start.velocities import StartError
@@ -163,12 +163,12 @@ def _plan(deck: Path, given: dict[str, Any]) -> "Plan":
 def _carry_out(
     plan: "Plan", deck: Path, given: dict[str, Any], entered: float
 ) -> "tuple[Study, Interruption]":
-    """Make the runs; ``entered`` is the time of the clock when the command was called [s]."""
+    """Make the runs; the command was called when this thread had computed for ``entered`` [s]."""
     from msahl.jit.compiled import working_clock
     from msahl.study.study import default_metric, find_reference
     from msahl.study.study import study as run_study
 
-    began = working_clock() - (time.perf_counter() - entered) - START_SECONDS
+    began = working_clock() - (time.thread_time() - entered) - START_SECONDS
     until = began + plan.budget - WRITING_SECONDS
     with stoppable() as stopped, _shown(deck, plan.budget, began) as (tell, progress):
         progress("reference")
@@ -214,12 +214,14 @@ def _time_commands(
     from msahl.jit.compiled import working_clock
     from msahl.study.command import run_command
 
+    # The commands are not computed here: a clock of this thread stops meanwhile.
+    deadline = time.perf_counter() + until - working_clock()
     for point in (result.fastest, result.deck_run):
         if point is None or stopped() or result.plan.steps:
             continue
         words = result.command(point.trial.case)
         progress("the command itself")
-        seconds = until - working_clock()
+        seconds = deadline - time.perf_counter()
         made = run_command(words, point.trial.case, result.plan, result.reference, seconds)
         if made is not None:
             result.commands[point.trial.case] = made

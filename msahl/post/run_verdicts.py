@@ -45,13 +45,13 @@ def read_verdict(folder: Path) -> RunVerdict:
         return RunVerdict(folder, FAIL, [reason], info)
     if "verdict" not in info:
         raise ResultError(f"{shown_path(folder)}: no verdict in run.json; run the deck: msahl run")
-    word, reasons = info["verdict"]["word"], info["verdict"]["reasons"]
-    if word != FAIL:
+    verdict = info["verdict"]
+    if verdict["word"] != FAIL:
         try:
-            read_run(folder)
+            verdict = read_run(folder).info["verdict"]
         except (ResultError, DeckError) as error:
             return RunVerdict(folder, FAIL, [str(error).replace("\n", "; ")], info)
-    return RunVerdict(folder, word, reasons, info)
+    return RunVerdict(folder, verdict["word"], verdict["reasons"], info)
 
 
 def verdict_table(runs: Sequence[RunVerdict]) -> Table:

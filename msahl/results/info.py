@@ -98,6 +98,7 @@ SHAPE = Fields({
         "every": FIRST,
     }),
     "degreesOfFreedom": Many(dict, INTEGER),
+    "checksums": Many(dict, TEXT),
     "nonUniqueReactions": Many(dict, Many(list, TEXT)),
     "warnings": Many(list, TEXT),
     "resumed": Many(list, NUMBER),

@@ -13,10 +13,12 @@ from msahl.deck import read_deck
 from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
 from msahl.records import record
+from msahl.results.checksums import altered
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, DRIVES, PART, file_name
 from msahl.run.tables import ERROR, REACTIONS, STATES, WORK, error_columns, tables_of_model
+from msahl.run.verdict import FAIL
 
 __all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
 
@@ -77,9 +79,10 @@ class Run:
 def read_run(folder: Path) -> Run:
     """Read the run in ``folder``; a run that stopped early is read up to its last row.
 
-    Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
+    The verdict on a run whose files were altered after it is FAIL. Raises ``ResultError`` if there
+    is no run, ``DeckError`` if its deck is not valid.
     """
-    model, info = read_model(folder), read_info(folder)
+    model, info = read_model(folder), _judged(folder, read_info(folder))
     columns = {file_name(name): head for name, head in tables_of_model(model).items()}
     paths = {name: require_table(folder, name) for name in columns}
     tables = {name: _table(paths[name], header) for name, header in columns.items()}
@@ -102,6 +105,18 @@ def read_run(folder: Path) -> Run:
         errors=_errors(folder, model, tables[STATES_FILE]["time"].to_numpy(), info),
         drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )
+
+
+def _judged(folder: Path, info: dict[str, Any]) -> dict[str, Any]:
+    """Return the content ``info`` of ``run.json`` with the verdict FAIL if files were altered."""
+    changed = altered(folder, info) if "verdict" in info else []
+    if not changed:
+        return info
+    verb = "was" if len(changed) == 1 else "were"
+    reason = f"{', '.join(changed)} {verb} altered after the run; {AGAIN}"
+    verdict = info["verdict"]
+    reasons = [reason, *verdict["reasons"]]
+    return {**info, "verdict": {**verdict, "word": FAIL, "reasons": reasons}}
 
 
 def drives_file(folder: Path, info: dict[str, Any]) -> Path | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.results.checkpoint import remove_checkpoint
+from msahl.results.checksums import CHECKSUMS, checksums
 from msahl.results.folder import claim, finish, tables
 from msahl.results.lock import locked
 from msahl.results.write import INFO, RunFolder, write_beginning, write_json
@@ -37,10 +38,15 @@ def end(folder: Path, work: Path, about: dict[str, Any], report: Mapping[str, An
     """Write ``run.json`` of a run in ``work``; if it completed, its files take their place in the
     ``folder``.
     """
-    write_json(work / INFO, {**about, "tables": tables(work), **report})
+    write_json(work / INFO, {**about, **report, **files_of(work)})
     if report.get("status") == COMPLETED:
         remove_checkpoint(work)
         finish(folder)
+
+
+def files_of(work: Path) -> dict[str, Any]:
+    """Return what ``run.json`` says of the files of the run in ``work``."""
+    return {"tables": tables(work), CHECKSUMS: checksums(work)}
 
 
 def write_run(

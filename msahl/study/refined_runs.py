@@ -1,5 +1,6 @@
 """Compute a reference from msahl's own runs, where an independent one would take too long."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -18,6 +19,8 @@ from msahl.study.runs import run_in_memory, with_step
 SCHEME = "gauss5"
 FIRST_STEPS = 50
 """Number of steps of the first run, about."""
+PATIENCE = 0.1
+"""Fraction of the time after which a run is given up, until one has completed."""
 ENOUGH = 1e-5
 """Two runs agree if they differ by less than this fraction of the accuracy asked for."""
 
@@ -58,17 +61,22 @@ def refined_reference(
 
 
 def _refined(model: Model, dynamics: Dynamics, deadline: float) -> Iterator[TableReference]:
-    """Yield completed runs at ever smaller steps, as long as there is time for the next one."""
+    """Yield completed runs at ever smaller steps, as long as there is time for the next one. Until
+    one has completed, each is given up soon: steps that are too large converge slowly or not.
+    """
     k, taken = series_index(model.simulation.t_final / FIRST_STEPS), 0.0
+    patience = PATIENCE * (deadline - working_clock())
     while working_clock() + 2.5 * taken < deadline:
         dt, began = series_value(k), working_clock()
+        end = min(deadline, began + patience)
         report, run = run_in_memory(
             with_step(model, dt, scheme=SCHEME),
             Options(error=OFF),
-            lambda: working_clock() > deadline,
+            lambda end=end: working_clock() > end,  # type: ignore[misc]
         )
-        taken, k = working_clock() - began, k - 1
+        k -= 1
         if report.status == "completed":
+            taken, patience = working_clock() - began, math.inf
             yield TableReference.of_run(run, f"{SCHEME} at a step size of {dt:g} s", dynamics)
 
 

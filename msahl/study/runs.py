@@ -1,10 +1,12 @@
 """Make and time the runs of a study, with results in memory.
 
-Compilation is not part of a run's time: each scheme takes a few steps first. The time of a run is
-the least of its repeats, because all disturbances add to it. Repeats of a list of cases are
-interleaved, so that a busy moment of the machine disturbs all of them alike.
+Compilation is not part of a run's time: each scheme takes a few steps first. Nor is the time of
+other programs. The time of a run is the least of its repeats, because all disturbances add to it.
+Repeats of a list of cases are interleaved, so that a busy moment of the machine disturbs all of
+them alike.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
@@ -13,6 +15,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from msahl.jit.compiled import working_clock
 from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, split
 from msahl.model.settings import ESTIMATE, OFF
@@ -25,6 +28,8 @@ from msahl.study.rounding import round_down
 
 WARM_STEPS = 5
 """Number of steps of the first run of a scheme, which compiles."""
+COARSE_CLOCK = 100.0 * time.get_clock_info("thread_time").resolution
+"""Seconds of which the clock of computing, coarse in some systems, shows a hundredth."""
 AUTO_OUTPUTS = 100
 """Least number of output times of runs that choose their steps."""
 
@@ -100,7 +105,7 @@ def run_in_memory(
 ) -> tuple[Report, Run]:
     """Run ``model``; return its report, and its results as if they were read from files."""
     sink = MemorySink()
-    report = run(model, options, sink, Hooks(stopped=stopped), checked=True)
+    report = _timed_run(model, options, sink, stopped)
     states, reactions, work = (
         pd.DataFrame(sink.table(name), columns=COLUMNS[name](model))
         for name in (STATES, REACTIONS, WORK)
@@ -115,6 +120,21 @@ def run_in_memory(
         partial=report.status != "completed",
     )
     return report, kept
+
+
+def _timed_run(
+    model: Model, options: Options, sink: MemorySink, stopped: Callable[[], bool]
+) -> Report:
+    """Run ``model``; return its report, whose seconds are those that it computed: without the time
+    in which other programs had the processor.
+    """
+    began, computed = time.perf_counter(), working_clock()
+    report = run(model, options, sink, Hooks(stopped=stopped), checked=True)
+    elapsed, computed = time.perf_counter() - began, working_clock() - computed
+    if elapsed > COARSE_CLOCK:
+        share = min(1.0, computed / elapsed)
+        report.seconds = {phase: share * seconds for phase, seconds in report.seconds.items()}
+    return report
 
 
 def seconds_of(case: Case, report: Report) -> float:
@@ -133,7 +153,7 @@ def timing_options(case: Case) -> Options:
 def run_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
     """Run a ``case`` and return its seconds; None if it was stopped."""
     other, sink = with_case(model, case), MemorySink(only=())
-    report = run(other, timing_options(case), sink, Hooks(stopped=stopped), checked=True)
+    report = _timed_run(other, timing_options(case), sink, stopped)
     return None if report.status == "interrupted" else seconds_of(case, report)
 
 

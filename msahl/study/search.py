@@ -41,7 +41,8 @@ COARSE, FINE = 1e-2, 1e-10
 FEWEST = 4
 """Least number of steps of a run."""
 MOST_ITERATIONS = 6.0
-"""Mean number of iterations per step above which no larger step is tried."""
+"""Mean number of iterations per step above which no larger step is tried, if the run is not short:
+solvers differ in how many they take."""
 LARGE_ROTATION = 1.0
 """Rotation per step [rad] at which a curve starts."""
 FIRST_TOLERANCE = -4
@@ -153,13 +154,18 @@ class Search:
                 self._end(curve, "the time of the study was used up")
 
     def _give_up(self, curve: Curve, k: int) -> None:
-        """Continue the search after a run that has taken too long."""
+        """Continue the search after a run that has taken too long. Where it was the first of its
+        curve, steps are too large for it, and no other curve begins at so large ones.
+        """
         if curve.runs and k < min(curve.runs):
             self._end(curve, "a finer run would take too long")
         elif curve.runs:
             curve.coarsest = True
         else:
             curve.first, curve.coarsest = k - 1, True
+            if curve.scheme != AUTO:
+                for other in (c for c in self.curves if not c.runs and c.scheme != AUTO):
+                    other.first = min(other.first, k - 1)
 
     def _allowed(self) -> float:
         """Return the seconds that one run may take."""
@@ -200,10 +206,12 @@ class Search:
         """Return whether a run at larger steps than those of ``run`` is worth its time."""
         if larger.chooses_steps:
             return larger.size <= 1.0
-        # If steps converge badly, a run at larger ones takes many seconds.
+        if FEWEST * larger.size > self.plan.model.simulation.t_final:
+            return False
+        # If steps converge badly, a run at larger ones takes many seconds, unless it is short.
         report = run.trial.report
-        eased = report.iterations <= MOST_ITERATIONS * report.steps and not report.subdivisions
-        return eased and FEWEST * larger.size <= self.plan.model.simulation.t_final
+        quick = run.trial.seconds < SHORT or report.iterations <= MOST_ITERATIONS * report.steps
+        return quick and not report.subdivisions
 
     def _end(self, curve: Curve, why: str) -> None:
         """End a curve and report it."""

@@ -130,10 +130,11 @@ def find_reference(plan: Plan) -> Reference:
     if wanted not in ("auto", "independent"):
         return stored(Path(wanted), model)
     seconds = OF_REFERENCE * plan.budget if wanted == "auto" else math.inf
+    end = working_clock() + seconds
     try:
         return independent(model, times, accuracy, seconds)
     except TooSlowError as error:
-        return refined_reference(model, accuracy, seconds, error.solution)
+        return refined_reference(model, accuracy, end - working_clock(), error.solution)
 
 
 def default_metric(plan: Plan, reference: Reference) -> str:

@@ -131,9 +131,13 @@ class Cluster:
                     "tcp://host:8786"
                 )
             return {"address": self.address}
-        if not _is_file_name(self.address):
+        if _names_a_port(self.address):
             return {"address": self.address}
         path, began = Path(self.address), time.monotonic()
+        if not path.is_file():
+            if not _may_be_written(self.address):
+                raise ClusterError(_no_address(self.address))
+            self.tell(f"waiting for the file {self.address} of a scheduler")
         while not path.is_file():
             if stopped() or time.monotonic() - began > CONNECT_SECONDS:
                 raise ClusterError(
@@ -285,10 +289,34 @@ def _has_port(address: str) -> bool:
     return re.fullmatch(r"[^/]+:[0-9]{1,5}/?", rest) is not None
 
 
-def _is_file_name(address: str) -> bool:
-    """Whether an address without protocol is that of a file, not host:port."""
+def _names_a_port(address: str) -> bool:
+    """Whether an address without protocol is host:port, not the name of a file."""
     host, colon, port = address.rpartition(":")
-    return not (colon and host and port.isdigit())
+    return bool(colon and host and port.isdigit())
+
+
+def _may_be_written(address: str) -> bool:
+    """Whether a file that there is not may be one that a scheduler writes: a name alone is rather
+    that of a host.
+    """
+    named = _has_folder(address) or address.endswith(".json")
+    return named and Path(address).parent.is_dir()
+
+
+def _has_folder(address: str) -> bool:
+    return "/" in address or os.sep in address
+
+
+def _no_address(address: str) -> str:
+    """What is wrong with an address that has no port and is no file."""
+    if _has_folder(address):
+        return f"{address}: there is no folder {Path(address).parent} that could hold this file"
+    host = address.rstrip(":") or "host"
+    return (
+        f"{address}: neither an address nor a file; write a host with its protocol and port, as in "
+        f"tcp://{host}:8786, and a file that a scheduler is yet to write with its folder, as in "
+        f"./{address}"
+    )
 
 
 def _other_versions(who: str, wrong: str) -> str:

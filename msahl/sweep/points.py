@@ -26,6 +26,7 @@ from msahl.printable import printable
 from msahl.records import record
 from msahl.results.job import Job as Run
 from msahl.results.job import make_job
+from msahl.results.session import files_of
 from msahl.results.write import DECK, INFO, RunFolder, file_name, write_json
 from msahl.run import loop
 from msahl.run.options import OptionError
@@ -297,7 +298,7 @@ def _run_and_keep(job: Job, run: Run, memory: MemorySink, key: str) -> Report:
         if report.status == NOT_WRITTEN:
             return report
         if job.keep == ALL:
-            write_json(part / INFO, {**run.about(part), **report.as_json()})
+            write_json(part / INFO, {**run.about(part), **files_of(part), **report.as_json()})
         else:
             (part / DECK).unlink()
         put_in_place(job, part, key)

@@ -28,8 +28,11 @@ def assert_same(result, other):
     assert figures(result) == figures(other)
 
 
-@pytest.mark.parametrize("jobs", [1, 2, None])
-@pytest.mark.parametrize("options", [{}, {"scheme": "gauss3"}])
+@pytest.mark.parametrize(
+    ("jobs", "options"),
+    [(1, {}), (2, {"scheme": "gauss3"}), (None, {})],
+    ids=["one process", "two", "as many as cores"],
+)
 def test_results_are_those_of_single_runs(jobs, options):
     model = msahl.load(ROD)
     results = list(msahl.batch(model, SAMPLES, jobs, **SHORT, **options))

@@ -412,6 +412,7 @@ def call_installed(installed, folder, words, **environment):
     )
 
 
+@pytest.mark.slow
 def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
     """Its sources are those of the checkout, and so are the compiled kernels that it loads."""
     checking = call_installed(installed, tmp_path, ["check", SINGLE])

@@ -75,7 +75,7 @@ def test_every_command_runs_with_the_joint(checkout):
         f"msahl-post report {out}",
         f"msahl-post view {out}",
         f"msahl-post export {out} --glb",
-        f"msahl-post plot {out}",
+        f"msahl-post plot {out} linkage",  # the report has the other pictures
         f"msahl-post reactions {out}",
         f"msahl-post constraints {out}",
         f"msahl-post work {out}",

@@ -30,6 +30,14 @@ def run(tmp_path):
     return tmp_path / "run"
 
 
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """The folder of a run with its report, and what the command said."""
+    folder = tmp_path_factory.mktemp("reported") / "run"
+    write(folder, info=INFO)
+    return folder, call("report", folder)
+
+
 def call(*words):
     return CliRunner().invoke(main, [str(word) for word in words])
 
@@ -77,8 +85,8 @@ def test_plot_of_one_kind_and_body(run):
     assert result.stderr == "msahl-post: no joint 'Elbow' in the model (it has: Pivot)\n"
 
 
-def test_report_holds_everything(run):
-    result = call("report", run)
+def test_report_holds_everything(reported):
+    run, result = reported
     assert result.exit_code == 0
     assert result.stdout.split() == [
         str(run / "report" / f"report.{form}") for form in ("md", "html")
@@ -99,8 +107,8 @@ def test_report_holds_everything(run):
         assert (run / "report" / picture).read_bytes().startswith(b"\x89PNG")
 
 
-def test_both_files_of_a_report_have_the_same_sections_tables_and_graphs(run):
-    call("report", run)
+def test_both_files_of_a_report_have_the_same_sections_tables_and_graphs(reported):
+    run, _ = reported
     html, text = ((run / "report" / f"report.{form}").read_text() for form in ("html", "md"))
     titles = list(map(unescape, re.findall(r"<(?:h[1-4]|summary)>(.*?)</", html)))
     graphs = [title for title in titles if title.endswith("]")]  # axes of the pictures

@@ -2,24 +2,28 @@
 
 import copy
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import msahl
 import msahl.post.metrics
 import msahl.post.run_report
 import msahl.post.sentences
 from msahl.cli.main import main as engine
 from msahl.post.cli import main as post
-from msahl.post.document import OnPage
+from msahl.post.document import OnPage, as_markdown
 from msahl.post.metrics import Energy
 from msahl.post.page.parts import NOTHING
-from msahl.post.run_report import build_report
+from msahl.post.run_report import banner, build_report
 from msahl.post.run_verdicts import read_verdict, verdict_table
 from msahl.post.table import as_text
 from msahl.results.read import ResultError, read_run
 from msahl.run.verdict import FAIL, PASS
+from tests.support.models import ROOT
 from tests.support.run_folders import DT, ROWS, conical_rows, write
 
 INFO = {
@@ -45,6 +49,7 @@ INFO = {
     "planarSubsystems": 0,
     "unknowns": 9,
     "degreesOfFreedom": {"byCount": 3, "byRank": 3},
+    "checksums": {"work.csv": "0123abcd"},
     "nonUniqueReactions": {"Pivot": ["Fz"]},
     "iterations": 40,
     "pathSteps": 0,
@@ -278,6 +283,54 @@ def test_a_changed_table_is_refused_and_its_verdict_is_fail(run, tables, change,
     assert judged.word == FAIL
     assert told in judged.reasons[0]
     assert post_of(run, "verdict").exit_code == 1
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A pendulum as ``msahl run`` left it."""
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    deck = ROOT / "decks/thesis/single_pendulum_45.xml"
+    assert call(engine, "run", deck, "--t-final", "0.1", "-q", "-o", folder).exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def kept(finished, tmp_path):
+    return Path(shutil.copytree(finished, tmp_path / "run"))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("states.csv", cell(5, 1, "0.125")),
+        ("reactions.csv", cell(-1, -1, "0.125")),
+        ("error.csv", cell(2, 1, "0.125")),
+        ("deck.xml", lambda lines: [*lines, ["<!-- later -->"]]),
+    ],
+)
+def test_what_was_altered_after_the_run_is_no_pass(kept, name, change):
+    """A table that can be read, with a number that the run did not write."""
+    assert read_verdict(kept).word == msahl.read(kept).verdict == PASS
+    edited(name, change)(kept)
+    told = f"{kept / name} was altered after the run; run the deck again: msahl run"
+    judged = read_verdict(kept)
+    assert judged.word == FAIL
+    assert judged.reasons[0] == told
+    assert post_of(kept, "verdict").exit_code == 1
+    result = msahl.read(kept)
+    assert result.verdict == FAIL
+    assert result.reasons[0] == told
+    report = as_markdown(banner(read_run(kept)))
+    assert "FAIL" in report
+    assert told in report
+
+
+def test_all_files_that_were_altered_are_named(kept):
+    for name in ("states.csv", "error.csv"):
+        edited(name, cell(2, 1, "0.125"))(kept)
+    assert f"{kept / 'states.csv'}, {kept / 'error.csv'} were altered" in "; ".join(
+        read_verdict(kept).reasons
+    )
 
 
 @pytest.mark.parametrize("case", ["rows reversed", "duplicate time", "shorter", "column twice"])

@@ -1,7 +1,9 @@
 """Studies that choose their steps: the curves, the recommendation, the reference, the report."""
 
+import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,8 +19,11 @@ from msahl.model import ConcentratedLoad, JointMotion, Model, Options, RigidBody
 from msahl.model.settings import OFF
 from msahl.post.draw import style
 from msahl.results.read import ResultError
-from msahl.study import reference_cache
+from msahl.study import independent as independent_solutions
+from msahl.study import reference_cache, refined_runs
+from msahl.study import runs as study_runs
 from msahl.study.breakpoints import breakpoints, longest_step
+from msahl.study.dynamics import Dynamics
 from msahl.study.errors import compute_errors
 from msahl.study.independent import Solution, TooSlowError, independent
 from msahl.study.page import recommendation
@@ -27,6 +32,7 @@ from msahl.study.plan import Plan
 from msahl.study.refined_runs import refined_reference
 from msahl.study.rounding import MANTISSAS, next_round, round_down, series_index, series_value
 from msahl.study.runs import Case, run_in_memory, with_step
+from msahl.study.search import Observer, Search
 from msahl.study.study import find_reference, study
 from tests.events.test_expressions import SCENES, TIMED
 from tests.support.models import GROUND, deck
@@ -228,6 +234,73 @@ def test_what_takes_too_long_is_not_waited_for():
     nothing = Solution(np.zeros(1), np.zeros((0, 8, 26)))
     with pytest.raises(ResultError, match="--budget"):
         refined_reference(pendulum(), 1e-6, 0.0, nothing)
+
+
+def test_a_reference_is_found_where_large_steps_take_long(monkeypatch):
+    """Runs at large steps are given up, by a clock of their own iterations."""
+    asked, clock = [], [0.0]
+
+    def run(model, options, stopped):
+        asked.append(model.simulation.dt)
+        slow = model.simulation.dt > 0.011
+        for _ in range(1000 if slow else 1):
+            clock[0] += 0.1
+            if stopped():
+                return SimpleNamespace(status="interrupted"), None
+        return run_in_memory(model, options)
+
+    monkeypatch.setattr(refined_runs, "run_in_memory", run)
+    monkeypatch.setattr(refined_runs, "working_clock", lambda: clock[0])
+    nothing = Solution(np.zeros(1), np.zeros((0, 8, 26)))
+    model = pendulum(1.0)
+    found = refined_reference(model, 1e-6, 10.0, nothing)
+    assert found.horizon == 1.0
+    assert asked[:3] == [0.02, 0.01, 0.005]
+
+
+def test_stiff_systems_do_not_use_up_the_time_of_a_reference(monkeypatch):
+    """Of which the explicit method would solve a part only."""
+    clock = [0.0]
+
+    def rates(self, t, y):
+        clock[0] += 1.0
+        return found(self, t, y)
+
+    found = Dynamics.rates
+    monkeypatch.setattr(Dynamics, "rates", rates)
+    monkeypatch.setattr(independent_solutions, "working_clock", lambda: clock[0])
+    times = np.linspace(0.0, 2.0, 51)
+    with pytest.raises(TooSlowError):
+        independent(pendulum(), times, 1.1e-6, seconds=400.0)
+    # A quarter of them, and the steps in which they were exceeded.
+    assert clock[0] < 150.0
+
+
+def test_the_time_of_other_programs_is_not_counted(monkeypatch):
+    """Neither by the clock of a study nor in the seconds of its runs."""
+    before = working_clock()
+    time.sleep(0.4)
+    assert working_clock() - before < 0.2
+    for name, times in (("time", [0.0, 10.0]), ("working_clock", [0.0, 2.5])):
+        clock = iter(times).__next__
+        changed = SimpleNamespace(perf_counter=clock) if name == "time" else clock
+        monkeypatch.setattr(study_runs, name, changed)
+    report = SimpleNamespace(seconds={"loop": 8.0, "output": 1.0})
+    monkeypatch.setattr(study_runs, "run", lambda *_, **__: report)
+    study_runs._timed_run(None, None, None, bool)
+    assert report.seconds == {"loop": 2.0, "output": 0.25}
+
+
+def test_no_curve_begins_at_steps_that_were_too_large_for_another():
+    plan = Plan(pendulum(1.0), schemes=(*SOME, "auto"))
+    search = Search(plan, find_reference(plan), None, 1.0, Observer(bool, str, str))
+    begun, *others = search.curves
+    before = [curve.first for curve in others]
+    search._give_up(begun, begun.first)
+    assert begun.coarsest
+    assert {curve.first for curve in others if curve.scheme != "auto"} == {begun.first}
+    assert others[-1].first == before[-1]
+    assert begun.first == before[0] - 1
 
 
 def test_a_prescribed_motion_has_breaks():

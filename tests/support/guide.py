@@ -38,10 +38,11 @@ def listings(text, language):
 
 
 def copy_program(root, *others):
-    """Copy the package with what is installed in it, and the folders ``others``, to ``root``."""
-    no_caches = shutil.ignore_patterns("__pycache__")
+    """Copy the package with what is installed in it, and the folders ``others``, to ``root``: with
+    compiled Python files, which remain valid, since the times of files are kept.
+    """
     for name in ("msahl", "schemas", *others):
-        shutil.copytree(ROOT / name, root / name, ignore=no_caches, symlinks=True)
+        shutil.copytree(ROOT / name, root / name, symlinks=True)
     (root / "msahl" / "schemas").symlink_to("../schemas")
 
 

@@ -333,6 +333,29 @@ def test_an_address_without_port_is_refused_at_once(tmp_path, address):
         refused.run(job, None, lambda: False)
 
 
+@pytest.mark.parametrize("address", ["head", "head.example.org", "10.0.0.1", "head:", "scheduler"])
+def test_a_name_alone_is_no_address_and_no_file_to_wait_for(tmp_path, address):
+    with pytest.raises(ClusterError, match="neither an address nor a file") as refused:
+        Cluster(address).run(sweep(tmp_path, VALUES).job, None, lambda: False)
+    assert f"as in tcp://{address.rstrip(':')}:8786" in str(refused.value)
+
+
+def test_no_file_is_written_into_a_folder_that_there_is_not(tmp_path):
+    with pytest.raises(ClusterError, match=f"there is no folder {tmp_path / 'none'}"):
+        Cluster(f"{tmp_path / 'none'}/s.json").run(sweep(tmp_path, VALUES).job, None, lambda: True)
+
+
+@pytest.mark.parametrize("address", ["./file", "file.json"])
+def test_it_is_said_that_a_file_is_waited_for(tmp_path, address, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = []
+    with pytest.raises(ClusterError, match="no scheduler has written this file"):
+        Cluster(address, tell=told.append)._where(lambda: True)
+    assert told == [f"waiting for the file {address} of a scheduler"]
+    (tmp_path / address).write_text("{}")
+    assert Cluster(address)._where(lambda: True) == {"scheduler_file": address}
+
+
 def test_the_message_without_scheduler_names_its_address(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.2)
     base = (DECK, "--set", VALUES, "-o", tmp_path / "s", "-q", "--scheduler")

@@ -10,6 +10,7 @@ from msahl.model import Options
 from msahl.results.read import read_run
 from msahl.run import loop
 from msahl.run.tables import MemorySink
+from msahl.run.verdict import FAIL
 from msahl.sweep.axes import Column
 from msahl.sweep.points import (
     ChangedError,
@@ -143,6 +144,10 @@ def test_tables_are_kept_in_a_folder_named_by_the_key(tmp_path, keep):
         run = read_run(folder)
         assert run.states["Rod.z"].iloc[-1] == row["measures"]["Rod.z final"]
         assert run.info["set"] == ["L=60 cm"]
+        assert run.info["checksums"].keys() == names - {"run.json"}
+        with (folder / "joints.csv").open("a") as table:
+            table.write("\n")
+        assert read_run(folder).info["verdict"]["word"] == FAIL
 
 
 def test_a_disk_that_takes_no_tables_is_no_outcome(tmp_path):

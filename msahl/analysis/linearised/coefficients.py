@@ -295,9 +295,12 @@ def _sparse(
 
 def _scaled(matrix: Any, left: np.ndarray, right: np.ndarray) -> "csr_array":
     """Return diag(left) matrix diag(right)."""
-    from scipy.sparse import diags_array
+    from scipy.sparse import csr_array
 
-    return (diags_array(left) @ matrix @ diags_array(right)).tocsr()
+    rows = matrix.tocsr()
+    factor = np.repeat(left, np.diff(rows.indptr))
+    data = factor * rows.data * right[rows.indices]
+    return csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
 
 
 def _square(system: System, found: Evaluated, values: np.ndarray) -> "csr_array":
