@@ -9,6 +9,7 @@ from typing import Any, TextIO
 import numpy as np
 import pandas as pd
 
+from msahl.contact.events import COLUMNS as EVENT_COLUMNS
 from msahl.deck import read_deck
 from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
@@ -16,7 +17,7 @@ from msahl.records import record
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, DRIVES, PART, file_name
-from msahl.run.tables import ERROR, REACTIONS, STATES, WORK, error_columns, tables_of_model
+from msahl.run.tables import ERROR, EVENTS, REACTIONS, STATES, WORK, error_columns, tables_of_model
 
 __all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
 
@@ -41,6 +42,7 @@ class Run:
     errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
     others: dict[str, pd.DataFrame] = field(default_factory=dict)  # all other tables, by name
     drives: pd.DataFrame | None = None  # loads that produce a given motion
+    events: pd.DataFrame | None = None  # of contacts; None if the model has none
 
     @property
     def time(self) -> np.ndarray:
@@ -101,7 +103,24 @@ def read_run(folder: Path) -> Run:
         partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, model, tables[STATES_FILE]["time"].to_numpy(), info),
         drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
+        events=_events(folder, model),
     )
+
+
+def _events(folder: Path, model: Model) -> pd.DataFrame | None:
+    """The table of contact events; None if the model has no contacts."""
+    path = find(folder, file_name(EVENTS))
+    if not model.contacts:
+        return None
+    if path is None:
+        raise ResultError(f"{shown_path(folder / file_name(EVENTS))}: missing; {AGAIN}")
+    try:
+        table = pd.read_csv(path, float_precision="round_trip")
+    except (OSError, ValueError) as error:
+        raise ResultError(f"{shown_path(path)}: cannot be read: {error}; {AGAIN}") from error
+    if list(table.columns) != EVENT_COLUMNS:
+        raise ResultError(f"{shown_path(path)}:1: its columns are not those of events; {AGAIN}")
+    return table
 
 
 def drives_file(folder: Path, info: dict[str, Any]) -> Path | None:

@@ -1,0 +1,28 @@
+"""Impact laws of contacts without friction, one or several at once.
+
+With the rates v = dg/dt of the gaps and the impulses L of the contacts, W = G M^-1 G^T that of the
+whole mechanism, joints included:
+
+    newton      v+ = v- + W L >= -e v-,   L >= 0,   complementary
+    poisson     v_c = v- + W L_c >= 0,    L_c >= 0, complementary       (compression)
+                v+ = v_c + W L_e >= 0,    L_e >= e L_c, complementary   (expansion)
+
+The energy that an impact takes is -sum L (v+ + v-)/2, exactly.
+"""
+
+import numpy as np
+
+from msahl.contact.complementarity import solve
+from msahl.model.contacts import NEWTON
+
+
+def impulses(law: str, W: np.ndarray, v: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Return the impulses (c,) of an impact at the rates ``v`` (c,) by the ``law``, with
+    coefficients ``e`` of restitution. Raises ``complementarity.NoSolution``.
+    """
+    if law == NEWTON:
+        return solve(W, v + e * np.minimum(v, 0.0))
+    compression = solve(W, v)
+    expansion = e * compression
+    more = solve(W, v + W @ (compression + expansion))
+    return compression + expansion + more
