@@ -23,7 +23,8 @@ from msahl.contact.complementarity import NoSolution, solve
 from msahl.contact.events import CLOSES, IMPACT, OPENS, ContactEvent
 from msahl.contact.impact import impulses
 from msahl.contact.response import Response
-from msahl.formulations.absolute.frames import first_multiplier
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
+from msahl.jit.by_size import LARGE, compiled_once
 from msahl.start.velocities import StartError, project, solve_accelerations
 from msahl.system import evaluate
 from msahl.system.arrays import State, System
@@ -39,6 +40,8 @@ SHARE = 0.1
 """Share of the accuracy asked for that omitted rebounds may take."""
 ACCURACY = 1e-9
 """Accuracy [m and s] of the end of a series of rebounds if none is asked for."""
+PLAIN_CALLS = 2000
+"""Calls of kernels that stay plain Python: those of a hundred events."""
 STILL = 1e-12
 """Rate of a gap, over the largest speed, that is zero but for round-off."""
 BEYOND = 1.5
@@ -104,7 +107,8 @@ class ContactModes:
         self.contacts, self.names, self.law = contacts, names, law
         self.accuracy = ACCURACY if accuracy is None else SHARE * accuracy
         self.system, self.state, self.without = system, state, unknowns
-        self.work_arrays = new_work_arrays(system, state)
+        self.work_arrays = new_work_arrays(system, state)._replace(call=self._call)
+        self.size, self.calls = moving_count(system.frames), 0
         self.bound, self.next_touch = 0.0, math.inf
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = self.impacts = 0
@@ -184,6 +188,14 @@ class ContactModes:
         if falls.any():
             time = 2.0 * after.speed[falls] / -after.acceleration[falls]
             self.next_touch = float(self.state.time[0] + BEYOND * time.min())
+
+    def _call(self, kernel: Callable[..., Any], *given: Any) -> Any:
+        """Call a ``kernel``: as plain Python at first, as it takes longer to load its code. Both give
+        the same digits.
+        """
+        self.calls += 1
+        fast = self.size >= LARGE or self.calls > PLAIN_CALLS
+        return (compiled_once(kernel) if fast else kernel)(*given)
 
     def _gaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return of_contacts.gaps(self.system, self.contacts, self.state, self.work_arrays)
