@@ -65,7 +65,7 @@ def check(model: Model) -> list[Fault]:
     for kind, element in others:
         found += _element_faults(kind, element, context, [element_findings, placed_findings])
     for contact in model.contacts:
-        rules = [contact_findings, overlap_findings]
+        rules: list[Rule] = [contact_findings, overlap_findings]
         found += _element_faults("contact", contact, context, rules)
     found += _motion_faults(model)
     for marker in model.markers:

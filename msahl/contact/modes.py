@@ -106,7 +106,9 @@ class ContactModes:
     ) -> None:
         self.contacts, self.names, self.law = contacts, names, law
         self.accuracy = ACCURACY if accuracy is None else SHARE * accuracy
+        assert system.scalar is not None
         self.system, self.state, self.without = system, state, unknowns
+        self.rows = system.scalar.equations
         self.work_arrays = new_work_arrays(system, state)._replace(call=self._call)
         self.size, self.calls = moving_count(system.frames), 0
         self.bound, self.next_touch = 0.0, math.inf
@@ -121,17 +123,19 @@ class ContactModes:
     @property
     def unknowns(self) -> Unknowns:
         """The unknowns of steps: the multipliers of closed contacts as well."""
-        rows, first = self.system.scalar.equations, first_multiplier(self.system.frames)
+        rows, first = self.rows, first_multiplier(self.system.frames)
         place = rows.place[self.contacts.row[self.closed]]
         flat = 3 * (first + place[:, 0]) + place[:, 1]
-        return choose(self.system, np.union1d(self.without.free, flat)) if flat.size else self.without
+        return (
+            choose(self.system, np.union1d(self.without.free, flat)) if flat.size else self.without
+        )
 
     def begin(self) -> None:
         """Find the contacts that are closed at t = 0, after impacts where they approach. Raises
         ``StartError`` if one overlaps.
         """
         value, gap, _ = self._gaps()
-        for k in np.flatnonzero(gap < 0.0):
+        for k in map(int, np.flatnonzero(gap < 0.0)):
             if gap[k] < -OVERLAP * self.contacts.round_off[k]:
                 raise StartError(_overlaps(self.names[k], -float(gap[k])))
             self.contacts.limit[k] = value[k]
@@ -153,7 +157,7 @@ class ContactModes:
         try:
             self._resolve(which, was, value, opened)
         except NoSolution as error:
-            named = ", ".join(self.names[k] for k in which)
+            named = ", ".join(self.names[int(k)] for k in which)
             raise ContactsUnsolved(_unsolved(float(self.state.time[0]), named)) from error
 
     def _resolve(
@@ -178,7 +182,9 @@ class ContactModes:
                 break
             self.bound += float(height[ends].max())
             e[ends], remaining[ends] = 0.0, left[ends]
-            for array, old in zip((self.state.v, self.state.w, self.state.work), saved, strict=True):
+            for array, old in zip(
+                (self.state.v, self.state.w, self.state.work), saved, strict=True
+            ):
                 array[:] = old
         self._note(which, was, (before, impulse, after), remaining)
         now = np.zeros(was.size, dtype=bool)
@@ -190,8 +196,8 @@ class ContactModes:
             self.next_touch = float(self.state.time[0] + BEYOND * time.min())
 
     def _call(self, kernel: Callable[..., Any], *given: Any) -> Any:
-        """Call a ``kernel``: as plain Python at first, as it takes longer to load its code. Both give
-        the same digits.
+        """Call a ``kernel``: as plain Python at first, as it takes longer to load its code. Both
+        give the same digits.
         """
         self.calls += 1
         fast = self.size >= LARGE or self.calls > PLAIN_CALLS
@@ -272,7 +278,7 @@ class ContactModes:
         """Close the contacts ``now`` (c,), and set accelerations and forces to theirs."""
         system, state = self.system, self.state
         set_closed(system, self.contacts, now, value)
-        place = system.scalar.equations.place[self.contacts.row]
+        place = self.rows.place[self.contacts.row]
         state.violation[place[:, 0], place[:, 1]] = 0.0
         solve_accelerations(system, state, self.unknowns, None, self.work_arrays)
         for trend in (state.a_trend, state.alpha_trend, state.force_trend):
@@ -286,10 +292,9 @@ class ContactModes:
     @property
     def counters(self) -> dict[str, Any]:
         """What later steps depend on, as JSON can hold it."""
-        rows = self.system.scalar.equations
         return {
             "closed": self.closed.tolist(),
-            "offset": rows.offset[self.contacts.row].tolist(),
+            "offset": self.rows.offset[self.contacts.row].tolist(),
             "bound": self.bound,
             "nextTouch": None if math.isinf(self.next_touch) else self.next_touch,
             "events": self.published + len(self.events),

@@ -111,7 +111,9 @@ def accelerations(
     return found, float(max(np.abs(terms).max(initial=0.0), np.abs(bend).max(initial=0.0)))
 
 
-def push(system: System, response: Response, impulse: np.ndarray, state: State, R: np.ndarray) -> None:
+def push(
+    system: System, response: Response, impulse: np.ndarray, state: State, R: np.ndarray
+) -> None:
     """Change the velocities of ``state`` by the ``impulse`` (k,) along the gaps, whose work on
     prescribed motions is added; ``R`` (n+1, 3, 3) are the bodies' matrices of rotation.
     """

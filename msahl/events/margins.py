@@ -188,7 +188,7 @@ def _of_breakpoints(system: System) -> Iterator[Margin]:
 
 
 def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
-    """Yield the margins of contacts: gaps of those that are open, forces of those that are closed."""
+    """Yield the margins of contacts: gaps of open ones, forces of closed ones."""
     assert system.scalar is not None
     rows = system.scalar.equations
     closed = is_active(rows)[contacts.row]

@@ -86,9 +86,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
         if limit is not None
     ]
     names = [contact.name] if len(given) == 1 else [f"{contact.name}.{e}" for e in ENDS]
-    return tuple(
-        ContactSide(name, contact, *end) for name, end in zip(names, given, strict=False)
-    )
+    return tuple(ContactSide(name, contact, *end) for name, end in zip(names, given, strict=False))
 
 
 ENDS = ("lower", "upper")

@@ -6,6 +6,7 @@ of every ground; B, a body's own axes at its reference point B.
 
 from collections.abc import Mapping
 from dataclasses import field
+from typing import TypeAlias
 
 from msahl.algebra.vector import Vector
 from msahl.model.beams import Beam
@@ -21,15 +22,17 @@ from msahl.model.shapes import BeamShape, Shape
 from msahl.model.signals import AnySignal, SignalState, Stop
 from msahl.records import record
 
+Constrained: TypeAlias = Joint | Coupling | JointMotion | PointMotion | ContactSide
+
 
 @record
 class Model:
     """A complete deck.
 
     ``gravity`` [m/s^2] in I. Names are unique across bodies and grounds, across joints, couplings,
-    motions and contacts, and across loads; those of bodies, markers, sensors and groups differ as well.
-    ``unit_system`` names the deck's default units. ``position`` and
-    ``velocity`` say how the state at t = 0 is made consistent with the joints.
+    motions and contacts, and across loads; those of bodies, markers, sensors and groups differ as
+    well. ``unit_system`` names the deck's default units. ``position`` and ``velocity`` say how the
+    state at t = 0 is made consistent with the joints.
     """
 
     gravity: Vector
@@ -53,7 +56,8 @@ class Model:
     beams: tuple[Beam, ...] = ()  # between bodies that are their nodes
     beam_shapes: tuple[BeamShape, ...] = ()  # of beams, for views
     places: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
-    """File and line of motions, contacts, loads and signals by name, for messages; empty without a deck."""
+    """File and line of motions, contacts, loads and signals by name, for messages; empty without a
+    deck."""
 
     @property
     def contact_sides(self) -> tuple[ContactSide, ...]:
@@ -61,7 +65,9 @@ class Model:
         return tuple(side for contact in self.contacts for side in sides_of(contact))
 
     @property
-    def constrained(self) -> "tuple[Joint | Coupling | JointMotion | PointMotion | ContactSide, ...]":
+    def constrained(
+        self,
+    ) -> "tuple[Constrained, ...]":
         """All that has constraint equations, in the order in which they are numbered."""
         return (*self.joints, *self.couplings, *self.motions, *self.contact_sides)
 

@@ -55,7 +55,9 @@ class Table:
             self.cut(end)
 
     def write(self, rows: np.ndarray) -> None:
-        """Append ``rows`` (m, columns) of finite numbers, or of objects: words and numbers; an ``OSError`` names the file."""
+        """Append ``rows`` (m, columns) of finite numbers, or of objects: words and numbers; an
+        ``OSError`` names the file.
+        """
         if rows.dtype == object:
             self._append("".join(f"{','.join(map(_word, row))}\n" for row in rows).encode())
             return

@@ -21,6 +21,7 @@ from msahl.records import record
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
+from msahl.run.contacts import forget_events, omitted_height, rows_of_events
 from msahl.run.error_estimate import NO_ERRORS
 from msahl.run.mesh_error import FinerMesh
 from msahl.run.messages import not_written, stop_not_found, stops_at_once
@@ -32,7 +33,6 @@ from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
 from msahl.run.stop import fulfilled_at_start, margin_after, time_of_stop, words_of
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.contacts import forget_events, omitted_height, rows_of_events
 from msahl.run.tables import ERROR, EVENTS, Sink
 from msahl.schemes.outcome import Stopped
 from msahl.schemes.output_schedule import OutputSchedule

@@ -285,10 +285,14 @@ def _new_stepper(
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
             place = storage if modes is None else Storage()
-            return MidpointMethod(own, instantaneous, span, place, modes and modes.contacts)
+            return MidpointMethod(
+                own, instantaneous, span, place, modes.contacts if modes else None
+            )
 
         contacts = _new_contact_steps(modes, workspace, new_midpoint)
-        return FixedStepper(contacts.method if contacts else new_midpoint(workspace), solver, contacts)
+        return FixedStepper(
+            contacts.method if contacts else new_midpoint(workspace), solver, contacts
+        )
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 

@@ -277,8 +277,8 @@ class FixedStepper:
                     return Outcome(math.inf, -1), None, []
 
     def _cross(self, event: Event, events: int) -> bool:
-        """Go on beyond an ``event``, the last of so many ``events`` of a step; return whether that is
-        possible.
+        """Go on beyond an ``event``, the last of so many ``events`` of a step; return whether that
+        is possible.
         """
         assert self.method.detection
         self.method.detection.cross(event)

@@ -210,9 +210,7 @@ class _Collector:
         pair = Pair(a, b, s_a, self.elements.add_point(b, end.point))
         return self._add(distance(), pair)
 
-    def _pair(
-        self, joint: Joint | SpringDamper | Bushing | DistanceLimit | PlaneContact
-    ) -> Pair:
+    def _pair(self, joint: Joint | SpringDamper | Bushing | DistanceLimit | PlaneContact) -> Pair:
         a, b = self.elements.frame[joint.parent], self.elements.frame[joint.child]
         s_a = self.elements.add_point(a, joint.parent_point)
         return Pair(a, b, s_a, self.elements.add_point(b, joint.child_point))
@@ -276,8 +274,9 @@ class _Collector:
         if isinstance(contact, JointLimit):
             coordinate = self._joint_coordinate(contact.joint, contact.coordinate)
         else:
-            flat = isinstance(contact, PlaneContact)
-            along = in_plane(contact.normal).first if flat else distance()
+            along = distance()
+            if isinstance(contact, PlaneContact):
+                along = in_plane(contact.normal).first
             coordinate = self._add(along, self._pair(contact))
         equation = Equation(self.elements.coordinates[coordinate][0], 0.0)
         self._add_load_equation(

@@ -64,9 +64,7 @@ def closed(system: System, contacts: Contacts) -> np.ndarray:
     return found
 
 
-def set_closed(
-    system: System, contacts: Contacts, which: np.ndarray, value: np.ndarray
-) -> None:
+def set_closed(system: System, contacts: Contacts, which: np.ndarray, value: np.ndarray) -> None:
     """Close the contacts ``which`` (c,) at these ``value`` (c,) of their coordinates, and open all
     others.
     """

@@ -163,9 +163,7 @@ class CollocationMethod:
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
-        return Detection(
-            margins, self.workspace, output, instant, self.storage, self.contacts
-        )
+        return Detection(margins, self.workspace, output, instant, self.storage, self.contacts)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
@@ -341,8 +339,9 @@ class AdaptiveStepper:
             seen = detection.event() if detection else None
             if seen and seen.ends_run:
                 return done, seen
-            changes = step_control.changes_contacts(detection and detection.detector, self.control)
-            if not (self.contacts and seen and changes > 0.0):
+            if not (self.contacts and detection and seen):
+                return done, None
+            if not step_control.changes_contacts(detection.detector, self.control) > 0.0:
                 return done, None
             try:
                 self.method = self.contacts.change(self.method, seen)
