@@ -10,8 +10,13 @@ the z found belongs to as few contacts as are independent.
 
 import numpy as np
 
-TINY = 1e-13
-"""Entry of a column, relative to its largest, that is no pivot."""
+TINY = 1e-10
+"""Entry of a scaled column, relative to its largest, that is round-off and no pivot."""
+DAMPED = (0.0, 1e-11, 1e-9)
+"""Added to the diagonal of the scaled matrix, in turn until the method ends: the set of contacts
+that press is found so, and their forces are then those without it."""
+RIGHT = 1e-9
+"""Violation, relative to the terms, by which a set of contacts that press is wrong."""
 
 
 class NoSolution(Exception):  # noqa: N818 - an outcome
@@ -20,50 +25,58 @@ class NoSolution(Exception):  # noqa: N818 - an outcome
 
 def solve(W: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return z (n,) for ``W`` (n, n) and ``q`` (n,). Raises ``NoSolution``."""
-    n = q.size
-    scale = np.abs(q).max(initial=0.0)
     if not (q < 0.0).any():
-        return np.zeros(n)
-    # Columns: w, z, and the artificial variable that makes all q positive.
+        return np.zeros(q.size)
     d = np.sqrt(np.abs(np.diag(W)))
-    d = np.where(d > 0.0, d, max(float(d.max(initial=0.0)), 1.0))
-    scaled = W / np.outer(d, d)
-    tableau = np.hstack([np.eye(n), -scaled, -np.ones((n, 1)), (q / d / scale)[:, None]])
-    # Powers of a small number on the right break ties, so that no basis comes twice.
-    tableau = np.hstack([tableau, np.eye(n)])
-    basis = np.arange(n)
-    row, entering = _first_row(tableau, n), 2 * n
+    d = np.where(d > 0.0, d, max(float(d.max()), 1.0))
+    scaled, right = W / np.outer(d, d), q / d
+    size = float(np.abs(right).max())
+    for added in DAMPED:
+        active = _pressing(scaled + added * np.eye(q.size), right / size)
+        if active is None:
+            continue
+        z = np.zeros(q.size)
+        z[active] = np.linalg.lstsq(scaled[np.ix_(active, active)], -right[active], rcond=None)[0]
+        largest = np.abs(z).max(initial=0.0)
+        if z.min() >= -RIGHT * largest and (scaled @ z + right).min() >= -RIGHT * (size + largest):
+            return np.maximum(z, 0.0) / d
+    raise NoSolution
+
+
+def _pressing(W: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    """Return which z are not zero, by pivots on a tableau of w, z, the artificial variable, q, and
+    powers of a small number beside q, which break ties; None if the method ends on a ray.
+    """
+    n = q.size
+    columns = [np.eye(n), -W, -np.ones((n, 1)), q[:, None], np.eye(n)]
+    tableau, basis = np.hstack(columns), np.arange(n)
+    row, entering = min(range(n), key=lambda i: tuple(tableau[i, 2 * n + 1 :])), 2 * n
     for _ in range(50 * (n + 1)):
         leaving = int(basis[row])
         _pivot(tableau, row, entering)
         basis[row] = entering
         if leaving == 2 * n:
-            z = np.zeros(n)
-            of_z = (basis >= n) & (basis < 2 * n)
-            z[basis[of_z] - n] = tableau[of_z, 2 * n + 1]
-            return np.maximum(z, 0.0) * scale / d
+            return np.sort(basis[basis >= n] - n)
         entering = leaving + n if leaving < n else leaving - n
-        row = _next_row(tableau, n, entering, basis)
-    raise NoSolution
+        found = _next_row(tableau, n, entering, basis)
+        if found is None:
+            return None
+        row = found
+    return None
 
 
-def _first_row(tableau: np.ndarray, n: int) -> int:
-    """Return the row in which the artificial variable enters: that of the smallest q."""
-    return min(range(n), key=lambda i: tuple(tableau[i, 2 * n + 1 :]))
-
-
-def _next_row(tableau: np.ndarray, n: int, entering: int, basis: np.ndarray) -> int:
+def _next_row(tableau: np.ndarray, n: int, entering: int, basis: np.ndarray) -> int | None:
     """Return the row whose variable leaves, by the smallest ratio; the artificial one if it can."""
     column = tableau[:, entering]
-    rows = np.flatnonzero(column > TINY * max(np.abs(column).max(), TINY))
+    rows = np.flatnonzero(column > TINY * max(float(np.abs(column).max()), TINY))
     if not rows.size:
-        raise NoSolution
+        return None
     ratios = tableau[rows, 2 * n + 1] / column[rows]
     near = rows[ratios <= ratios.min() + TINY]
     artificial = near[basis[near] == 2 * n]
     if artificial.size:
         return int(artificial[0])
-    return min(near, key=lambda i: tuple(tableau[i, 2 * n + 1 :] / column[i]))
+    return int(min(near, key=lambda i: tuple(tableau[i, 2 * n + 1 :] / column[i])))
 
 
 def _pivot(tableau: np.ndarray, row: int, column: int) -> None:

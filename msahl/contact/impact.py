@@ -15,14 +15,22 @@ import numpy as np
 from msahl.contact.complementarity import solve
 from msahl.model.contacts import NEWTON
 
+ROUND_OFF = 1e-13
+"""Impulse, relative to the largest one of the same impact, that is none."""
+
 
 def impulses(law: str, W: np.ndarray, v: np.ndarray, e: np.ndarray) -> np.ndarray:
     """Return the impulses (c,) of an impact at the rates ``v`` (c,) by the ``law``, with
     coefficients ``e`` of restitution. Raises ``complementarity.NoSolution``.
     """
     if law == NEWTON:
-        return solve(W, v + e * np.minimum(v, 0.0))
+        return _clean(solve(W, v + e * np.minimum(v, 0.0)))
     compression = solve(W, v)
     expansion = e * compression
     more = solve(W, v + W @ (compression + expansion))
-    return compression + expansion + more
+    return _clean(compression + expansion + more)
+
+
+def _clean(impulse: np.ndarray) -> np.ndarray:
+    """Return impulses without those that are round-off of the others."""
+    return np.where(impulse > ROUND_OFF * impulse.max(initial=0.0), impulse, 0.0)

@@ -25,6 +25,7 @@ from msahl.contact.impact import impulses
 from msahl.contact.response import Response
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import LARGE, compiled_once
+from msahl.start.redundancy import INDEPENDENT
 from msahl.start.velocities import StartError, project, solve_accelerations
 from msahl.system import evaluate
 from msahl.system.arrays import State, System
@@ -112,6 +113,7 @@ class ContactModes:
         self.work_arrays = new_work_arrays(system, state)._replace(call=self._call)
         self.size, self.calls = moving_count(system.frames), 0
         self.bound, self.next_touch = 0.0, math.inf
+        self.shared: set[str] = set()  # contacts whose forces are not unique
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = self.impacts = 0
 
@@ -243,9 +245,20 @@ class ContactModes:
         )
         rests = np.flatnonzero((speed == 0.0) & stays)
         q = np.where(np.abs(b[rests]) <= STILL * size, 0.0, b[rests])
-        force = np.zeros(speed.size)
-        force[rests] = solve(response.W[np.ix_(rests, rests)], q)
-        return _After(speed, force, b + response.W @ force)
+        force, W = np.zeros(speed.size), response.W[np.ix_(rests, rests)]
+        force[rests] = solve(W, q)
+        after = b + response.W @ force
+        self._note_shared(response.which[rests[np.abs(after[rests]) <= STILL * size]], response)
+        return _After(speed, force, after)
+
+    def _note_shared(self, together: np.ndarray, response: Response) -> None:
+        """Note which contacts share their forces in many ways: more rest ``together`` than are
+        independent.
+        """
+        k = np.flatnonzero(np.isin(response.which, together))
+        W = response.W[np.ix_(k, k)]
+        if k.size > np.linalg.matrix_rank(W, tol=INDEPENDENT * float(W.max(initial=0.0))):
+            self.shared.update(self.names[int(c)] for c in together)
 
     def _is_over(self, which: np.ndarray, left: np.ndarray, height: np.ndarray) -> np.ndarray:
         """(k,) whether rebounds may be omitted that take the time ``left``."""
@@ -266,7 +279,7 @@ class ContactModes:
             v, w, name = float(before[k]), float(after.speed[k]), self.names[c]
             if impulse[k] > 0.0:
                 self.impacts += 1
-                lost = -0.5 * float(impulse[k]) * (v + w)
+                lost = 0.0 - 0.5 * float(impulse[k]) * (v + w)
                 self.events.append(
                     ContactEvent(t, IMPACT, name, v, w, float(impulse[k]), lost, 0.0)
                 )
@@ -299,6 +312,7 @@ class ContactModes:
             "nextTouch": None if math.isinf(self.next_touch) else self.next_touch,
             "events": self.published + len(self.events),
             "impacts": self.impacts,
+            "shared": sorted(self.shared),
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
@@ -307,6 +321,7 @@ class ContactModes:
             self.system, self.contacts, np.array(counters["closed"]), np.array(counters["offset"])
         )
         self.bound, self.impacts = counters["bound"], counters["impacts"]
+        self.shared = set(counters["shared"])
         self.next_touch = math.inf if counters["nextTouch"] is None else counters["nextTouch"]
         left = counters["events"] - self.published
         if 0 <= left <= len(self.events):

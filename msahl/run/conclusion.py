@@ -13,6 +13,7 @@ from msahl.run.signal_errors import with_largest
 from msahl.run.tables import counts_revolutions
 from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
+from msahl.system.names import LOAD_COLUMN
 from msahl.system.signal_terms import Scales
 
 ROTATES = 0.75
@@ -29,6 +30,9 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     for integrator in setup.integrators:
         integrator.review_reactions()
         report.non_unique_reactions |= integrator.shared
+        if integrator.modes:
+            shared = sorted(integrator.modes.shared)
+            report.non_unique_reactions |= {name: [LOAD_COLUMN] for name in shared}
     _add_extremes(setup, record, report)
     _complete_estimate(setup, record, report)
     if setup.attempts and setup.estimate:

@@ -263,10 +263,10 @@ class FixedStepper:
                 self._go_back(before)
                 self._restore_contacts(modes)
                 return outcome, event if outcome.converged else None, []
-            if ends[-1] + part >= 1.0:
+            done = ends[-1] + part >= 1.0 - SHORTEST
+            if done:
                 self._record(chunk, step, ends[-1], 1.0)
-                return outcome, None, ends[1:]
-            if part > 0.0:
+            elif part > 0.0:
                 self._record(chunk, step, ends[-1], ends[-1] + part)
                 ends.append(ends[-1] + part)
             if event and self.method.detection:
@@ -275,6 +275,8 @@ class FixedStepper:
                     self._go_back(before)
                     self._restore_contacts(modes)
                     return Outcome(math.inf, -1), None, []
+            if done:
+                return outcome, None, ends[1:]
 
     def _cross(self, event: Event, events: int) -> bool:
         """Go on beyond an ``event``, the last of so many ``events`` of a step; return whether that
@@ -335,7 +337,7 @@ class FixedStepper:
         detection.blame()
         if self.contacts is None and (event or 0 < events < MAX_PARTS):
             raise _Undivided
-        return outcome, None, part
+        return Outcome(math.inf, -1) if event else outcome, None, part
 
     def _solve(self, h: float, share: float, tried: bool, holds: bool) -> Outcome:
         """Take a ``share`` of a step ``h``, in substeps if it is hard; only once while it ``holds``
