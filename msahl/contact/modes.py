@@ -91,8 +91,8 @@ def _unsolved(t: float, named: str) -> str:
 class ContactModes:
     """The contacts of one subsystem during a run, of which ``unknowns`` are those without them.
 
-    ``bound`` is the height [m] of all rebounds that were omitted, ``next_touch`` a time [s] shortly
-    after the next rebound that is expected.
+    ``omitted`` are the times [s] at which rebounds were omitted and their heights [m], ``next_touch``
+    is a time [s] shortly after the next rebound that is expected.
     """
 
     def __init__(
@@ -112,7 +112,8 @@ class ContactModes:
         self.rows = system.scalar.equations
         self.work_arrays = new_work_arrays(system, state)._replace(call=self._call)
         self.size, self.calls = moving_count(system.frames), 0
-        self.bound, self.next_touch = 0.0, math.inf
+        self.omitted: list[list[float]] = []
+        self.next_touch = math.inf
         self.shared: set[str] = set()  # contacts whose forces are not unique
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = self.impacts = 0
@@ -182,7 +183,7 @@ class ContactModes:
             ends = (impulse > 0.0) & (e > 0.0) & self._is_over(which, left, height)
             if not ends.any():
                 break
-            self.bound += float(height[ends].max())
+            self.omitted.append([float(self.state.time[0]), float(height[ends].max())])
             e[ends], remaining[ends] = 0.0, left[ends]
             for array, old in zip(
                 (self.state.v, self.state.w, self.state.work), saved, strict=True
@@ -308,9 +309,9 @@ class ContactModes:
         return {
             "closed": self.closed.tolist(),
             "offset": self.rows.offset[self.contacts.row].tolist(),
-            "bound": self.bound,
+            "omitted": [*self.omitted],
             "nextTouch": None if math.isinf(self.next_touch) else self.next_touch,
-            "events": self.published + len(self.events),
+            "events": [self.published, len(self.events)],
             "impacts": self.impacts,
             "shared": sorted(self.shared),
         }
@@ -320,11 +321,11 @@ class ContactModes:
         set_closed(
             self.system, self.contacts, np.array(counters["closed"]), np.array(counters["offset"])
         )
-        self.bound, self.impacts = counters["bound"], counters["impacts"]
+        self.omitted, self.impacts = [*counters["omitted"]], counters["impacts"]
         self.shared = set(counters["shared"])
         self.next_touch = math.inf if counters["nextTouch"] is None else counters["nextTouch"]
-        left = counters["events"] - self.published
-        if 0 <= left <= len(self.events):
-            del self.events[left:]
-        else:  # those of the run that is resumed
-            self.published, self.events = counters["events"], []
+        published, pending = counters["events"]
+        if published == self.published:
+            del self.events[pending:]
+        else:  # of a run that is resumed, which had published all
+            self.published, self.events = published, []

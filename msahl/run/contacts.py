@@ -26,9 +26,20 @@ def forget_events(integrators: Sequence[SubsystemIntegrator]) -> None:
             integrator.modes.forget_events()
 
 
-def omitted_height(integrators: Sequence[SubsystemIntegrator]) -> float:
-    """Return the largest height [m] of the rebounds of a subsystem that were omitted."""
-    return max((one.modes.bound for one in integrators if one.modes), default=0.0)
+def omitted_heights(
+    integrators: Sequence[SubsystemIntegrator], times: np.ndarray
+) -> np.ndarray | float:
+    """Return the heights [m] of the rebounds that were omitted up to these ``times`` (m,), of the
+    subsystem that has the largest; 0 without contacts.
+    """
+    found = [_heights(one.modes.omitted, times) for one in integrators if one.modes]
+    return np.max(found, axis=0) if found else 0.0
+
+
+def _heights(omitted: Sequence[Sequence[float]], times: np.ndarray) -> np.ndarray:
+    table = np.array([*omitted]).reshape(-1, 2)
+    height: np.ndarray = np.where(table[:, 0] <= times[:, None], table[:, 1], 0.0).sum(axis=1)
+    return height
 
 
 def figures(integrators: Sequence[SubsystemIntegrator]) -> dict[str, Any] | None:
@@ -40,7 +51,7 @@ def figures(integrators: Sequence[SubsystemIntegrator]) -> dict[str, Any] | None
     return {
         "impacts": sum(modes.impacts for modes in found),
         "energyLost": lost,
-        "omittedHeight": omitted_height(integrators),
+        "omittedHeight": float(np.max(omitted_heights(integrators, np.array([np.inf])))),
         "closed": [
             name
             for modes in found

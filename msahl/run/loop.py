@@ -21,7 +21,7 @@ from msahl.records import record
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
-from msahl.run.contacts import forget_events, omitted_height, rows_of_events
+from msahl.run.contacts import forget_events, omitted_heights, rows_of_events
 from msahl.run.error_estimate import NO_ERRORS
 from msahl.run.mesh_error import FinerMesh
 from msahl.run.messages import not_written, stop_not_found, stops_at_once
@@ -402,7 +402,7 @@ class TimeLoop:
             if mesh:
                 by_mesh = mesh.follow(integrators, steps, schedule, times)
                 errors[:, 1] += by_mesh[: len(errors)]
-            errors[:, 1] += omitted_height(integrators)
+            errors[:, 1] += omitted_heights(integrators, errors[:, 0])
         except Stopped:  # run and companion stand at different times, so no snapshot is possible
             raise KeyboardInterrupt from None
         self.report.add_seconds("companion", time.perf_counter() - began)

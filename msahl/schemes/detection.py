@@ -31,6 +31,8 @@ from msahl.system.contacts import Contacts
 
 SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
+BEGINNING = 1.5
+"""Time of an event of a contact, over the soonest one, up to which it is at the start."""
 KEPT = ("crossed", "loose", "often", "holds", "slides")
 """Arrays of the detector that a run needs to go on."""
 COMPILED: dict[Any, Any] = {
@@ -155,16 +157,21 @@ class Detection:
         self.detector.figures[ARMED], self.detector.figures[KNOWN] = time, np.nan
         self.detector.event[0] = -1
 
+    @property
+    def _first_contact(self) -> int:
+        """The first margin of a contact; those of contacts are the last."""
+        return int(self.detector.margins.kind.size) - self.contacts
+
     def contact_of(self, event: Event) -> int | None:
         """Return the number of the contact that opens or closes at an ``event``, None if it is of
         another kind.
         """
-        k = event.margin - (self.detector.margins.kind.size - self.contacts)
+        k = event.margin - self._first_contact
         return k if k >= 0 else None
 
     def follow(self, other: "Detection") -> None:
         """Take over the switches from ``other``, which had the contacts of another mode."""
-        size = self.detector.margins.kind.size - self.contacts
+        size = self._first_contact
         for name in KEPT[:-1]:
             getattr(self.detector, name)[:size] = getattr(other.detector, name)[:size]
         self.detector.slides[:] = other.detector.slides
@@ -192,7 +199,10 @@ class Detection:
             return None
         ends_run = bool(self.detector.margins.action[k] == END)
         guess, after, level, rate = (float(figures[i]) for i in (GUESS, AFTER, LEVEL, RATE))
-        at_start = guess <= self.detector.output.begin.time[0]
+        begin, end = self.detector.output.begin.time[0], self.detector.output.end.time[0]
+        # A contact whose gap is closed where the step begins is found at the first place looked at.
+        soonest = BEGINNING * SOON * (end - begin) if k >= self._first_contact else 0.0
+        at_start = bool(guess <= begin + soonest)
         return Event(k, ends_run, guess, after, level, rate, at_start)
 
     def value(self, k: int) -> float:

@@ -332,9 +332,6 @@ class AdaptiveStepper:
             detection = self.method.detection
             if detection:
                 detection.arm(self.armed)
-            if self.contacts:
-                t = float(self.workspace.state.time[0])
-                self.control.figures[step_control.STOP] = t + self.contacts.time_left()
             done = self._take_pairs(most, times)
             seen = detection.event() if detection else None
             if seen and seen.ends_run:
@@ -348,6 +345,8 @@ class AdaptiveStepper:
             except ContactsUnsolved as error:
                 self.contacts.fail(error)
                 return 0, None
+            t = float(self.workspace.state.time[0])
+            self.control.figures[step_control.STOP] = t + self.contacts.time_left()
             if done:
                 return done, None
         if self.contacts:
