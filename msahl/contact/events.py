@@ -31,3 +31,5 @@ COLUMNS = [
     "remainingTime",
 ]
 """Header of ``events.csv``."""
+WORDS = ("kind", "contact")
+"""Columns of words; all others are numbers."""

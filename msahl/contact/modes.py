@@ -41,6 +41,8 @@ SHARE = 0.1
 """Share of the accuracy asked for that omitted rebounds may take."""
 ACCURACY = 1e-9
 """Accuracy [m and s] of the end of a series of rebounds if none is asked for."""
+GAINED = 1e-10
+"""Energy that an impact adds, over what its impulses move, that is no round-off."""
 PLAIN_CALLS = 2000
 """Calls of kernels that stay plain Python: those of a hundred events."""
 STILL = 1e-12
@@ -117,6 +119,7 @@ class ContactModes:
         self.shared: set[str] = set()  # contacts whose forces are not unique
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = self.impacts = 0
+        self.gained = 0.0  # energy that impacts added [J], which Newton's law may do
 
     @property
     def closed(self) -> np.ndarray:
@@ -275,6 +278,8 @@ class ContactModes:
     ) -> None:
         """Add the events of the contacts ``which``."""
         before, impulse, after = impact
+        gained = 0.5 * float(impulse @ (before + after.speed))
+        self.gained += gained if gained > GAINED * float(np.abs(impulse * before).sum()) else 0.0
         t = float(self.state.time[0])
         for k, c in enumerate(which):
             v, w, name = float(before[k]), float(after.speed[k]), self.names[c]
@@ -314,6 +319,7 @@ class ContactModes:
             "events": [self.published, len(self.events)],
             "impacts": self.impacts,
             "shared": sorted(self.shared),
+            "gained": self.gained,
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
@@ -322,7 +328,7 @@ class ContactModes:
             self.system, self.contacts, np.array(counters["closed"]), np.array(counters["offset"])
         )
         self.omitted, self.impacts = [*counters["omitted"]], counters["impacts"]
-        self.shared = set(counters["shared"])
+        self.shared, self.gained = set(counters["shared"]), counters["gained"]
         self.next_touch = math.inf if counters["nextTouch"] is None else counters["nextTouch"]
         published, pending = counters["events"]
         if published == self.published:

@@ -1,5 +1,6 @@
 """Reads a run's folder: the model that was run, its tables and its ``run.json``."""
 
+import csv
 import io
 from dataclasses import field
 from itertools import chain
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.contact.events import COLUMNS as EVENT_COLUMNS
+from msahl.contact.events import WORDS as EVENT_WORDS
 from msahl.deck import read_deck
 from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
@@ -115,12 +117,19 @@ def _events(folder: Path, model: Model) -> pd.DataFrame | None:
     if path is None:
         raise ResultError(f"{shown_path(folder / file_name(EVENTS))}: missing; {AGAIN}")
     try:
-        table = pd.read_csv(path, float_precision="round_trip")
-    except (OSError, ValueError) as error:
+        with _complete_lines(path) as file:
+            head, *rows = csv.reader(file)
+        numbers = {name: [float(row[k]) for row in rows] for k, name in _numbers_of_events()}
+        words = {name: [row[EVENT_COLUMNS.index(name)] for row in rows] for name in EVENT_WORDS}
+    except (OSError, ValueError, IndexError) as error:
         raise ResultError(f"{shown_path(path)}: cannot be read: {error}; {AGAIN}") from error
-    if list(table.columns) != EVENT_COLUMNS:
+    if head != EVENT_COLUMNS:
         raise ResultError(f"{shown_path(path)}:1: its columns are not those of events; {AGAIN}")
-    return table
+    return pd.DataFrame({**numbers, **words})[EVENT_COLUMNS]
+
+
+def _numbers_of_events() -> list[tuple[int, str]]:
+    return [(k, name) for k, name in enumerate(EVENT_COLUMNS) if name not in EVENT_WORDS]
 
 
 def drives_file(folder: Path, info: dict[str, Any]) -> Path | None:

@@ -136,6 +136,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         non_unique_reactions=report.non_unique_reactions,
         error=report.error,
         horizon=_horizon(setup),
+        energy_gained=(report.contacts or {}).get("energyGained", 0.0),
         jumping=jumping_by_reactions(setup.integrators),
         speed_jumps=speeds_that_jump(setup.model, report.time),
     )

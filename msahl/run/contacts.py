@@ -51,6 +51,7 @@ def figures(integrators: Sequence[SubsystemIntegrator]) -> dict[str, Any] | None
     return {
         "impacts": sum(modes.impacts for modes in found),
         "energyLost": lost,
+        "energyGained": sum(modes.gained for modes in found),
         "omittedHeight": float(np.max(omitted_heights(integrators, np.array([np.inf])))),
         "closed": [
             name
