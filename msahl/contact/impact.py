@@ -1,7 +1,7 @@
 """Impact laws of contacts without friction, one or several at once.
 
 With the rates v = dg/dt of the gaps and the impulses L of the contacts, W = G M^-1 G^T that of the
-whole mechanism, joints included:
+complete mechanism, joints included:
 
     newton      v+ = v- + W L >= -e v-,   L >= 0,   complementary
     poisson     v_c = v- + W L_c >= 0,    L_c >= 0, complementary       (compression)

@@ -93,8 +93,8 @@ def _unsolved(t: float, named: str) -> str:
 class ContactModes:
     """The contacts of one subsystem during a run, of which ``unknowns`` are those without them.
 
-    ``omitted`` are the times [s] at which rebounds were omitted and their heights [m], ``next_touch``
-    is a time [s] shortly after the next rebound that is expected.
+    ``omitted`` are the times [s] at which rebounds were omitted and their heights [m],
+    ``next_touch`` is a time [s] shortly after the next rebound that is expected.
     """
 
     def __init__(

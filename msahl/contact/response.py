@@ -1,10 +1,10 @@
-"""How contacts answer to impulses: the matrix of the whole mechanism, seen from their gaps.
+"""How contacts answer to impulses: the matrix of the complete mechanism, seen from their gaps.
 
     [ M  -G^T ] [ dv ]   [ n^T L ]          rates of gaps:  v+ = v- + W L,    W = n dv/dL
     [ G    0  ] [ mu ] = [   0   ]
 
 by the matrix of the index-1 problem (``start.velocities``), with joints and prescribed motions but
-without contacts. The same columns turn forces of contacts into accelerations.
+without contacts. The same columns give the accelerations by forces of contacts.
 """
 
 from typing import NamedTuple

@@ -377,8 +377,8 @@ def _impacts(figures: Figures, limits: Limits) -> Iterator[Finding]:
     """Newton's law may add energy where several contacts take part in an impact."""
     if figures.energy_gained > 0.0:
         text = (
-            f"impacts added {figures.energy_gained:.1e} J to the energy, as Newton's law does where "
-            'contacts of different restitution take part; write impactLaw="poisson"'
+            f"impacts added {figures.energy_gained:.1e} J to the energy, as Newton's law may "
+            'where contacts of different restitution take part; write impactLaw="poisson"'
         )
         yield Finding("impacts", WARN, text)
 

@@ -12,10 +12,10 @@ ROUND_OFF = 1e-11
 """Of problems whose matrices have condition numbers up to 1e4."""
 
 
-def random_response(rng, contacts, freedoms):
-    """W = G M^-1 G^T of a random mechanism: redundant where there are few degrees of freedom."""
-    G, root = rng.normal(size=(contacts, freedoms)), rng.normal(size=(freedoms, freedoms))
-    M = root @ root.T + np.eye(freedoms)
+def random_response(rng, contacts, velocities):
+    """W = G M^-1 G^T of a random mechanism: redundant where there are few velocities."""
+    G, root = rng.normal(size=(contacts, velocities)), rng.normal(size=(velocities, velocities))
+    M = root @ root.T + np.eye(velocities)
     return G, G @ np.linalg.solve(M, G.T)
 
 
@@ -32,13 +32,13 @@ def by_enumeration(W, q):
     return None
 
 
-@pytest.mark.parametrize("freedoms", [1, 3, 8])
+@pytest.mark.parametrize("velocities", [1, 3, 8])
 @pytest.mark.parametrize("contacts", [1, 2, 3, 4])
-def test_rates_after_are_those_of_enumeration(contacts, freedoms):
-    rng = np.random.default_rng(contacts + 10 * freedoms)
+def test_rates_after_are_those_of_enumeration(contacts, velocities):
+    rng = np.random.default_rng(contacts + 10 * velocities)
     for _ in range(100):
-        G, W = random_response(rng, contacts, freedoms)
-        q = G @ rng.normal(size=freedoms)  # so that a solution exists, as of a mechanism's rates
+        G, W = random_response(rng, contacts, velocities)
+        q = G @ rng.normal(size=velocities)  # so that a solution exists, as of a mechanism's rates
         z = solve(W, q)
         w = W @ z + q
         size = np.abs(q).max()

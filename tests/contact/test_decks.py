@@ -58,7 +58,12 @@ def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
 
 FAULTS = {
     "overlap": (BALL, "<z>1.1</z>", "<z>0.05</z>", "0.05 m below the plane at t = 0"),
-    "too long": (ROPE, '<upper units="m">1</upper>', "<upper>0.75</upper>", "0.25 m above its upper"),
+    "too long": (
+        ROPE,
+        '<upper units="m">1</upper>',
+        "<upper>0.75</upper>",
+        "0.25 m above its upper",
+    ),
     "no range": (ROPE, '<upper units="m">1</upper>', "", "neither <lower> nor <upper>"),
     "no distance": (ROPE, '<upper units="m">1</upper>', "<upper>-1</upper>", "greater than zero"),
     "empty range": (
@@ -68,15 +73,35 @@ FAULTS = {
         "lower must be less than upper",
     ),
     "restitution": (BALL, "0.8</restitution>", "1.5</restitution>", "restitution"),
-    "negative radius": (BALL, '<radius units="m">0.1</radius>\n        <res', "<radius>-1</radius><res", "less than zero"),
+    "negative radius": (
+        BALL,
+        '<radius units="m">0.1</radius>\n        <res',
+        "<radius>-1</radius><res",
+        "less than zero",
+    ),
     "no normal": (BALL, "<normal><z>1</z></normal>", "<normal><z>0</z></normal>", "normal is zero"),
-    "no body": (BALL, "<child><name>Ball</name></child>", "<child><name>Boll</name></child>", "Boll"),
-    "one body": (BALL, "<child><name>Ball</name></child>", "<child><name>Earth</name></child>", "both"),
+    "no body": (
+        BALL,
+        "<child><name>Ball</name></child>",
+        "<child><name>Boll</name></child>",
+        "Boll",
+    ),
+    "one body": (
+        BALL,
+        "<child><name>Ball</name></child>",
+        "<child><name>Earth</name></child>",
+        "both",
+    ),
     "no joint": (WALL, "<joint>Pivot</joint>", "<joint>Pin</joint>", "'Pin' is not a joint"),
-    "no slide": (WALL, "<coordinate>angle</coordinate>", "<coordinate>slide</coordinate>", "no coordinate slide"),
+    "no slide": (
+        WALL,
+        "<coordinate>angle</coordinate>",
+        "<coordinate>slide</coordinate>",
+        "no coordinate slide",
+    ),
     "name taken": (WALL, "<name>Wall</name>", "<name>Pivot</name>", "name is taken"),
     "unit": (WALL, '<lower units="deg">', '<lower units="kg">', "unknown unit"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", FAULTS)

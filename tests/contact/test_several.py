@@ -92,7 +92,7 @@ def test_limit_holds_against_a_force_and_lets_go():
 def test_range_with_two_ends_has_a_column_for_each():
     model = slider(0.0, lower=-1.0, upper=1.0, restitution=1.0)
     moved = replace(model.bodies[0], velocity=(1.0, 0.0, 0.0))
-    report, sink, events = run_events(replace(model, bodies=(moved,)), "gauss2", 0.1, 6.5)
+    _, sink, events = run_events(replace(model, bodies=(moved,)), "gauss2", 0.1, 6.5)
     assert [event[2] for event in events] == ["Stop.upper", "Stop.lower", "Stop.upper"]
     assert times_of(events, "impact") == pytest.approx([1.0, 3.0, 5.0], abs=1e-12)
     assert sink.table("states")[-1, 1] == pytest.approx(-0.5, abs=1e-12)
