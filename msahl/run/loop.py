@@ -293,7 +293,9 @@ class TimeLoop:
         begin, words = plan.progress.time, words_of(self.setup.model)
         self._arm(math.inf)
         try:
-            t = time_of_stop(self._margin_at, event, begin)
+            # A condition that a jump of velocities fulfils holds after it, and not at its time.
+            found = event.after if event.at_start else None
+            t = found or time_of_stop(self._margin_at, event, begin)
         except NoStep:
             self.report.end(NOT_CONVERGED, stop_not_found(words, begin, event.after))
             return

@@ -1,5 +1,6 @@
 """Detects the events of one subsystem for a stepper."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -31,6 +32,8 @@ from msahl.system.contacts import Contacts
 
 SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
+AFTER_JUMP = 1e-9
+"""Time after a jump of velocities, as a fraction of the time, at which it has happened for sure."""
 BEGINNING = 1.5
 """Time of an event of a contact, over the soonest one, up to which it is at the start."""
 KEPT = ("crossed", "loose", "often", "holds", "slides")
@@ -204,6 +207,22 @@ class Detection:
         soonest = BEGINNING * SOON * (end - begin) if k >= self._first_contact else 0.0
         at_start = bool(guess <= begin + soonest)
         return Event(k, ends_run, guess, after, level, rate, at_start)
+
+    def stop_in_jump(self) -> Event | None:
+        """Return the event that ends the run if a condition holds in the present state, whose
+        velocities have just jumped.
+        """
+        margins, figures = self.detector.margins, self.detector.figures
+        t = float(self.workspace.state.time[0])
+        ending = np.flatnonzero(margins.action == END)
+        if not ending.size or t < figures[ARMED]:
+            return None
+        values = [self.value(int(k)) for k in ending]
+        k = int(np.argmax(values))
+        if values[k] <= 0.0:
+            return None
+        after = t + max(AFTER_JUMP * abs(t), float(figures[NEAR]))
+        return Event(int(ending[k]), True, t, after, 0.0, math.inf, at_start=True)
 
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""

@@ -271,10 +271,13 @@ class FixedStepper:
                 ends.append(ends[-1] + part)
             if event and self.method.detection:
                 events += 1
-                if not self._cross(event, events):
+                crossed, stop = self._cross(event, events), None
+                if crossed and self.contacts:
+                    stop = self.method.detection.stop_in_jump()
+                if stop or not crossed:
                     self._go_back(before)
                     self._restore_contacts(modes)
-                    return Outcome(math.inf, -1), None, []
+                    return outcome if stop else Outcome(math.inf, -1), stop, []
             if done:
                 return outcome, None, ends[1:]
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from msahl.algebra.functions import Law
-from msahl.model import ConcentratedLoad, Joint, JointLimit, JointMotion
+from msahl.expressions.conditions import margin
+from msahl.expressions.syntax import parse
+from msahl.model import ConcentratedLoad, Joint, JointLimit, JointMotion, Stop
 from msahl.start.velocities import StartError
-from tests.contact.models import ball, box, run_events, times_of
+from tests.contact.models import ball, box, pendulum, run_events, times_of
 from tests.support.models import GROUND, body, build_model
 
 
@@ -131,3 +133,21 @@ def test_free_impact_keeps_the_momentum():
     n = np.array([0.16, 0.12, 0.0]) / 0.2
     assert (v[1] - v[0]) @ n == pytest.approx(0.7 * 2.0 * n[0], abs=1e-12)
     assert events[0][3] == pytest.approx(-2.0 * n[0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "dt", "tolerance"),
+    [("preserving", 0.01, None), ("gauss3", 0.01, None), ("auto", None, 1e-7)],
+)
+def test_a_condition_that_an_impact_fulfils_ends_the_run_there(scheme, dt, tolerance):
+    """The angle's rate jumps from -2.1 to 1.7 rad/s at the second impact."""
+    model = replace(pendulum(0.8), stops=(stop_when("Pivot.angleRate > 0.5 and t > 2"),))
+    report, _, events = run_events(model, scheme, dt, 6.0, tolerance)
+    assert report.status == "completed"
+    assert report.stop["time"] == pytest.approx(2.18721558874, abs=3e-4)  # of order 2 at this step
+    assert len(events) == 2
+
+
+def stop_when(condition):
+    """The record of a condition that ends a run."""
+    return Stop(condition, margin(parse(condition)))

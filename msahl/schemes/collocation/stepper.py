@@ -347,8 +347,10 @@ class AdaptiveStepper:
                 return 0, None
             t = float(self.workspace.state.time[0])
             self.control.figures[step_control.STOP] = t + self.contacts.time_left()
-            if done:
-                return done, None
+            assert self.method.detection
+            stop = self.method.detection.stop_in_jump()
+            if done or stop:
+                return done, stop
         if self.contacts:
             self.contacts.fail(None)
         return 0, None
