@@ -41,6 +41,10 @@ SHARE = 0.1
 """Share of the accuracy asked for that omitted rebounds may take."""
 ACCURACY = 1e-9
 """Accuracy [m and s] of the end of a series of rebounds if none is asked for."""
+LIFTED = 0.5
+"""Overlap, over the round-off of the gap, that is removed at an event."""
+MOST_AT_ONCE = 200
+"""Most events at one time."""
 GAINED = 1e-10
 """Energy that an impact adds, over what its impulses move, that is no round-off."""
 PLAIN_CALLS = 2000
@@ -90,6 +94,10 @@ def _unsolved(t: float, named: str) -> str:
     return f"at t = {t:.9g} s the impulses or forces of the contacts {named} have no solution"
 
 
+def _endless(t: float, named: str) -> str:
+    return f"at t = {t:.9g} s events of the contacts {named} follow each other without an end"
+
+
 class ContactModes:
     """The contacts of one subsystem during a run, of which ``unknowns`` are those without them.
 
@@ -112,13 +120,17 @@ class ContactModes:
         assert system.scalar is not None
         self.system, self.state, self.without = system, state, unknowns
         self.rows = system.scalar.equations
-        self.work_arrays = new_work_arrays(system, state)._replace(call=self._call)
+        # The matrix at rest has no part of what a decaying scheme remembers of velocities.
+        rises = {name: np.zeros_like(state.v_rise) for name in ("v_rise", "w_rise")}
+        still = state._replace(**rises)
+        self.work_arrays = new_work_arrays(system, still)._replace(call=self._call)
         self.size, self.calls = moving_count(system.frames), 0
         self.omitted: list[list[float]] = []
         self.next_touch = math.inf
         self.shared: set[str] = set()  # contacts whose forces are not unique
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = self.impacts = 0
+        self.last_time, self.repeated = math.nan, 0  # of the last event, and how often at that time
         self.gained = 0.0  # energy that impacts added [J], which Newton's law may do
 
     @property
@@ -157,6 +169,7 @@ class ContactModes:
             near[event] = True
         which = np.flatnonzero(was | near)
         self.next_touch = math.inf
+        self._count(which)
         if not which.size:
             return
         opened = event if event is not None and was[event] else None
@@ -166,6 +179,16 @@ class ContactModes:
             named = ", ".join(self.names[int(k)] for k in which)
             raise ContactsUnsolved(_unsolved(float(self.state.time[0]), named)) from error
 
+    def _count(self, which: np.ndarray) -> None:
+        """Raise ``ContactsUnsolved`` if events of the contacts ``which`` follow each other without
+        an end at one time.
+        """
+        t = float(self.state.time[0])
+        self.repeated = self.repeated + 1 if t == self.last_time else 0
+        self.last_time = t
+        if self.repeated > MOST_AT_ONCE:
+            raise ContactsUnsolved(_endless(t, ", ".join(self.names[int(k)] for k in which)))
+
     def _resolve(
         self, which: np.ndarray, was: np.ndarray, value: np.ndarray, opened: int | None
     ) -> None:
@@ -173,6 +196,8 @@ class ContactModes:
         response = of_contacts.respond(
             self.system, self.contacts, which, self.state, self.without, self.work_arrays
         )
+        self._lift(response)
+        value, _, _ = self._gaps()
         _, _, rate = self._gaps()
         before = self._rounded(rate[which])
         e, remaining = self.contacts.restitution[which].copy(), np.zeros(which.size)
@@ -223,17 +248,31 @@ class ContactModes:
         to their error only: impulses would do work on it. The energy counts as work of contact
         ``k``.
         """
-        before = self._kinetic()
+        before = self._energy()
         project(self.system, self.state, self.work_arrays, self.unknowns)
-        self.state.work[self.contacts.column[k]] += self._kinetic() - before
+        self.state.work[self.contacts.column[k]] += self._energy() - before
 
-    def _kinetic(self) -> float:
+    def _lift(self, response: Response) -> None:
+        """Remove overlaps by round-off: an open contact must not begin with one."""
+        _, gap, _ = self._gaps()
+        k = np.flatnonzero(gap[response.which] < -LIFTED * self.contacts.round_off[response.which])
+        if not k.size:
+            return
+        before = self._energy()
+        push = np.zeros(response.which.size)
+        W, depth = response.W[np.ix_(k, k)], -gap[response.which[k]]
+        push[k] = np.linalg.lstsq(W, depth, rcond=None)[0]
+        of_contacts.displace(self.system, response, push, self.state)
+        column = self.contacts.column[response.which[k[0]]]
+        self.state.work[column] += self._energy() - before
+
+    def _energy(self) -> float:
         state, zeros = self.state, np.zeros((2, *self.state.violation.shape))
         self.work_arrays.call(evaluate.prepare, self.system, state, self.work_arrays.start)
         observed = self.work_arrays.call(
             evaluate.observe, self.system, state, self.work_arrays.start, *zeros
         )
-        return float(observed[0])
+        return float(observed[0] + observed[1])
 
     def _push(self, response: Response, impulse: np.ndarray, before: np.ndarray) -> None:
         """Apply an ``impulse`` (k,) at the rates ``before``, and count its work."""

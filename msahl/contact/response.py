@@ -11,8 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.rotation import compose, from_increment
+from msahl.algebra.vector import at
 from msahl.elements.constraints import scalar
-from msahl.formulations.absolute.frames import first_multiplier
+from msahl.formulations.absolute.frames import (
+    first_multiplier,
+    moving_count,
+    rotation_increment,
+)
 from msahl.start.velocities import solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
@@ -123,3 +129,12 @@ def push(
     dW = change[frames.rotation] / frames.length[:, None]
     state.w[:] += np.einsum("bji,bj->bi", R, dW)
     scalar.motion_work(system.scalar, frames, state.time[0], 1.0, change, state.work)
+
+
+def displace(system: System, response: Response, push: np.ndarray, state: State) -> None:
+    """Move the bodies as an impulse ``push`` (k,) would change their velocities."""
+    change = np.einsum("k,kab->ab", push, response.motion)
+    state.x[:] += change[system.frames.displacement]
+    for b in range(moving_count(system.frames)):
+        Q = rotation_increment(system.frames, change, b)
+        state.p[b] = compose(from_increment(Q), at(state.p, b))
