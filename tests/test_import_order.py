@@ -39,6 +39,7 @@ ORDER = (
     "system",
     "events",
     "start",
+    "contact",
     "schemes",
     "run",
     "results",

@@ -10,6 +10,7 @@ import numpy as np
 
 from msahl.api.arguments import Names, require
 from msahl.api.html import html_table
+from msahl.contact.events import COLUMNS as EVENT_COLUMNS
 from msahl.model import Model as Records
 from msahl.printable import shown_path
 from msahl.results.folder import find
@@ -22,6 +23,7 @@ from msahl.run.report import COMPLETED, Report
 from msahl.run.tables import (
     ACCELERATIONS,
     ERROR,
+    EVENTS,
     JOINTS,
     MARKERS,
     REACTIONS,
@@ -139,6 +141,8 @@ class Result:
         self.array(table)
         if table == ERROR:
             return error_columns(self.records)
+        if table == EVENTS:
+            return EVENT_COLUMNS
         return (self._columns or tables_of_model(self.records))[table]
 
     def frame(self, table: str) -> "pd.DataFrame":
@@ -204,6 +208,15 @@ class Result:
         return self.frame(SIGNALS)
 
     @property
+    def events(self) -> "pd.DataFrame":
+        """Impacts of contacts, and when they close and open; without rows if there were none."""
+        if EVENTS in self._arrays:
+            return self.frame(EVENTS)
+        import pandas as pd
+
+        return pd.DataFrame(columns=EVENT_COLUMNS)
+
+    @property
     def errors(self) -> "pd.DataFrame":
         """Estimated global errors of positions and orientations [m] at the output times."""
         return self.frame(ERROR)
@@ -253,7 +266,7 @@ class Result:
         """Return the results as the functions of ``msahl.post`` take them."""
         from msahl.results.read import Run
 
-        own = (STATES, REACTIONS, WORK, ERROR)
+        own = (STATES, REACTIONS, WORK, ERROR, EVENTS)
         return Run(
             folder=self._origin if isinstance(self._origin, Path) else NOWHERE,
             model=self.records,
@@ -298,9 +311,8 @@ def read(folder: str | PathLike[str]) -> Result:
     except OSError as error:
         raise ResultError(f"{shown_path(folder)}: {error.strerror or error}") from error
     found = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
-    frames = {
-        name: frame for name, frame in {**found, ERROR: run.errors}.items() if frame is not None
-    }
+    found |= {ERROR: run.errors, EVENTS: run.events}
+    frames = {name: frame for name, frame in found.items() if frame is not None}
     arrays = {name: frame.to_numpy() for name, frame in frames.items()}
     result = Result(run.model, run.info, arrays, run.folder)
     result._frames.update(frames)
@@ -309,7 +321,7 @@ def read(folder: str | PathLike[str]) -> Result:
 
 def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
     """Return the results of a ``job`` whose rows are in the ``sink``."""
-    arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR)}
+    arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR, EVENTS)}
     kept = {name: array for name, array in arrays.items() if len(array)}
     start = {"start": dict(job.start)} if job.start else {}
     figures = {**start, "options": recorded_options(job.settings), **report.as_json()}

@@ -12,6 +12,7 @@ from typing import Any
 from msahl.algebra.functions import Law
 from msahl.check.beams import beam_findings
 from msahl.check.bodies import body_findings
+from msahl.check.contacts import contact_findings, overlap_findings
 from msahl.check.context import INERTIAL, Context, add_values, context_of
 from msahl.check.ends import is_placed
 from msahl.check.faults import Fault, Finding, ModelError, number_findings
@@ -63,6 +64,9 @@ def check(model: Model) -> list[Fault]:
     others += [("load", load) for load in model.loads]
     for kind, element in others:
         found += _element_faults(kind, element, context, [element_findings, placed_findings])
+    for contact in model.contacts:
+        rules: list[Rule] = [contact_findings, overlap_findings]
+        found += _element_faults("contact", contact, context, rules)
     found += _motion_faults(model)
     for marker in model.markers:
         found += _element_faults("marker", marker, context, [marker_findings])
@@ -111,6 +115,7 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     bodies += [("group", element) for element in model.groups]
     others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
     others += [("motion", element) for element in model.motions]
+    others += [("contact", element) for element in model.contacts]
     others += [("load", element) for element in model.loads]
     others += [("signal", element) for element in model.signals]
     others += [("beam", element) for element in model.beams]

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.model import INSTANTANEOUS, MEAN, Model, Simulation
+from msahl.model.contacts import IMPACT_LAWS
 from msahl.model.scheme import AUTO, CAYLEY, COLLOCATION, EXPONENTIAL, ORDER_TWO
 from msahl.model.settings import ACCELERATIONS, JOINT_TABLES, STARTS
 
@@ -54,6 +55,7 @@ def _known(part: str, word: str, known: Collection[str]) -> Iterator[Finding]:
 def _word_findings(simulation: Simulation) -> Iterator[Finding]:
     yield from _known("scheme", simulation.scheme, (*ORDER_TWO, *COLLOCATION, AUTO))
     yield from _known("rotationUpdate", simulation.rotation_update, (CAYLEY, EXPONENTIAL))
+    yield from _known("impactLaw", simulation.impact_law, IMPACT_LAWS)
     yield from _known("reactions", simulation.reactions, (MEAN, INSTANTANEOUS))
     yield from _known("accelerations", simulation.accelerations, ACCELERATIONS)
     yield from _known("jointTable", simulation.joint_table, JOINT_TABLES)

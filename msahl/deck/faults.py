@@ -15,6 +15,7 @@ KINDS = {
     "bodies": "body",
     "joints": "joint",
     "motions": "motion",
+    "contacts": "contact",
     "loads": "load",
     "markers": "marker",
     "groups": "group",

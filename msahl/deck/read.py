@@ -21,6 +21,7 @@ from msahl.check.signals import circle_findings
 from msahl.deck.alike import BodiesAlike, joints_alike
 from msahl.deck.attachments import attach_to_beams
 from msahl.deck.bodies import BODIES
+from msahl.deck.contacts import CONTACTS, read_contact
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joint_start import gives_starts
@@ -90,6 +91,7 @@ TAGS = frozenset(
         *JOINT_KINDS,
         *COORDINATES,
         *MOTIONS,
+        *CONTACTS,
         *LOADS,
         *MARKERS,
         "group",
@@ -97,7 +99,7 @@ TAGS = frozenset(
 )
 """Tags of all records."""
 
-ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads", "signals"))
+ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "contacts", "loads", "signals"))
 """Groups whose records share one set of names. Columns of results are called NAME.VALUE, and values
 of bodies, markers and groups and those of other elements have different names."""
 
@@ -182,6 +184,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         unit_system=reader.unit_system,
         couplings=tuple(couplings),
         motions=tuple(motions),
+        contacts=tuple(read_contact(e, reader) for e in sound["contacts"]),
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,
@@ -200,7 +203,7 @@ def _places(root: Element, faults: Faults) -> dict[str, str]:
     """Return file and line of what a run may have to say something of, by name."""
     return {
         text(_label(element)): faults.place_of(element)
-        for group in ("motions", "loads", "signals")
+        for group in ("motions", "contacts", "loads", "signals")
         for element in root.iterfind(f"system/{group}/*")
     }
 

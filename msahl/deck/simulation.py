@@ -4,6 +4,7 @@ from msahl.check.simulation import simulation_findings
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import Reader
 from msahl.model import MEAN, Limits, Simulation
+from msahl.model.contacts import POISSON
 from msahl.model.scheme import CAYLEY, DAMPING, DEFAULT, DEGREE
 from msahl.model.settings import AUTOMATIC, GIVEN, NO
 from msahl.printable import printable
@@ -28,6 +29,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         accelerations=attribute(element, "accelerations", NO),
         joint_table=attribute(element, "jointTable", AUTOMATIC),
         start=attribute(element, "start", GIVEN),
+        impact_law=attribute(element, "impactLaw", POISSON),
     )
     reader.add(element, simulation_findings(simulation))
     return simulation

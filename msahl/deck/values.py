@@ -41,6 +41,7 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "axis": ("", ("x", "y", "z")),
     "reference": ("", ("x", "y", "z")),
     "direction": ("", ("x", "y", "z")),
+    "normal": ("", ("x", "y", "z")),
 }
 """Physical quantity and components of every vector element."""
 

@@ -23,12 +23,15 @@ from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
+    DistanceLimit,
     Joint,
     JointActuator,
+    JointLimit,
     JointLoad,
     JointMotion,
     JointSpring,
     MarkerActuator,
+    PlaneContact,
     PointLoad,
     PointMotion,
     SpringDamper,
@@ -89,7 +92,9 @@ def _named(group: Element, tag: str, name: str) -> Element:
 
 
 def _ends(
-    element: Element, record: Joint | SpringDamper | Bushing, frames: Sides | None
+    element: Element,
+    record: Joint | SpringDamper | Bushing | DistanceLimit | PlaneContact,
+    frames: Sides | None,
 ) -> tuple[Element, Element]:
     """Add both ends of an element, with ``frames`` if there are some, and return them."""
     names, points = (record.parent, record.child), (record.parent_point, record.child_point)
@@ -136,6 +141,33 @@ def _point_motion(group: Element, motion: PointMotion, context: Context) -> None
     vector(element, "position", motion.point)
     vector(element, "direction", motion.direction)
     law(element, motion.law, "length")
+
+
+def _joint_limit(group: Element, limit: JointLimit, context: Context) -> None:
+    element = _named(group, "jointLimit", limit.name)
+    child(element, "joint", limit.joint)
+    child(element, "coordinate", limit.coordinate)
+    _range(element, limit, UNIT[limit.coordinate])
+
+
+def _distance_limit(group: Element, limit: DistanceLimit, context: Context) -> None:
+    element = _named(group, "distanceLimit", limit.name)
+    _ends(element, limit, None)
+    _range(element, limit, "length")
+
+
+def _range(element: Element, limit: JointLimit | DistanceLimit, quantity: str) -> None:
+    number(element, "lower", limit.lower, quantity)
+    number(element, "upper", limit.upper, quantity)
+    number_unless(element, 0.0, "restitution", limit.restitution)
+
+
+def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> None:
+    element = _named(group, "planeContact", contact.name)
+    parent, _ = _ends(element, contact, None)
+    vector(parent, "normal", contact.normal)
+    number_unless(element, 0.0, "radius", contact.radius, "length")
+    number_unless(element, 0.0, "restitution", contact.restitution)
 
 
 def _concentrated(group: Element, load: ConcentratedLoad, context: Context) -> None:
@@ -246,6 +278,9 @@ def _marker_actuator(group: Element, load: MarkerActuator, context: Context) -> 
 WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     JointMotion: _joint_motion,
     PointMotion: _point_motion,
+    JointLimit: _joint_limit,
+    DistanceLimit: _distance_limit,
+    PlaneContact: _plane_contact,
     ConcentratedLoad: _concentrated,
     SpringDamper: _spring_damper,
     JointSpring: _joint_spring,
@@ -255,4 +290,4 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     JointActuator: _joint_actuator,
     MarkerActuator: _marker_actuator,
 }
-"""Writers of motions and loads."""
+"""Writers of motions, contacts and loads."""

@@ -49,6 +49,7 @@ ATTRIBUTES = {
     "reactions": "reactions",
     "accelerations": "accelerations",
     "joint_table": "jointTable",
+    "impact_law": "impactLaw",
 }
 """Attributes of ``<simulation>``, by the fields of its record."""
 
@@ -83,7 +84,11 @@ def _write_system(system: Element, model: Model) -> None:
         write_joint(joints, joint, context)
     for coupling in model.couplings:
         write_coupling(joints, coupling)
-    for tag, records in (("motions", model.motions), ("loads", model.loads)):
+    for tag, records in (
+        ("motions", model.motions),
+        ("contacts", model.contacts),
+        ("loads", model.loads),
+    ):
         group = child(system, tag)
         for record in records:
             WRITERS[type(record)](group, record, context)

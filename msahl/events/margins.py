@@ -5,6 +5,7 @@ An event is that a scalar y of the motion reaches a level:
     EXPRESSION   y is an expression of the motion, a place on the system's tape
     COORDINATE   y is the coordinate of a joint                                 [m or rad]
     RATE         y is its rate                                              [m/s or rad/s]
+    FORCE        y is a multiplier, by its place                                  [N or N m]
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -13,10 +14,12 @@ counts in one ``direction`` (1: y rises, -1: y falls) or in both (0). What follo
 
     END     the run ends there
     SPLIT   the step ends there, and the next one begins: a law is not smooth there
+    CONTACT likewise, and before the next one begins contacts open or close (``contact``)
 
 A margin that is at a level, to within ``near`` times the size of its piece or level, is free to
 leave to either side: so a step can begin at an event. With ``near`` 0 it never is. The margin of a
-switch that is held has its range on the side where it is held.
+switch that is held has its range on the side where it is held. That of a contact has it where its
+``direction`` comes from, however near it is, and may be beyond by ``near``, which is round-off.
 
 What changes at times that are known before the motion is (``expressions.known_times``) has no
 margin: steps end there, and each switch holds its value between them.
@@ -30,6 +33,7 @@ import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
 from msahl.elements.constraints import scalar
+from msahl.elements.constraints.equations import is_active
 from msahl.events.expressions import (
     NO_TIMES,
     all_laws,
@@ -42,9 +46,10 @@ from msahl.expressions.tape import FREE, SIGN
 from msahl.jit.kernel import apart, kernel
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace
+from msahl.system.contacts import Contacts
 
-EXPRESSION, COORDINATE, RATE = range(3)
-END, SPLIT = range(2)
+EXPRESSION, COORDINATE, RATE, FORCE = range(4)
+END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
 NEAR = 1e-9
@@ -105,15 +110,19 @@ class Margins(NamedTuple):
     rate: np.ndarray  # (q,) their rates
 
 
-def build_margins(system: System, order: int, span: Span) -> Margins | None:
+def build_margins(
+    system: System, order: int, span: Span, contacts: Contacts | None = None
+) -> Margins | None:
     """Return the margins that the elements of a ``system`` have in steps of an ``order``; None if
     there is nothing to be examined.
 
-    Steps of order 2 keep it where a force has a kink, and do not end there.
+    Steps of order 2 keep it where a force has a kink, and do not end there. Those of ``contacts``
+    are the last, and those which are open or closed now.
     """
     signals = system.forces.signals
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
+    found += _of_contacts(system, contacts) if contacts is not None else ()
     known = known_to(signals, span.end, span.step)
     if span.resolves_inputs:
         known = with_fast_inputs(signals, known, span.step, span.end)
@@ -178,6 +187,21 @@ def _of_breakpoints(system: System) -> Iterator[Margin]:
         yield Margin(RATE, coordinate, SPLIT, level=width, near=NEAR)
 
 
+def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
+    """Yield the margins of contacts: gaps of open ones, forces of closed ones."""
+    assert system.scalar is not None
+    rows = system.scalar.equations
+    closed = is_active(rows)[contacts.row]
+    for k, r in enumerate(contacts.row):
+        direction = -int(contacts.sign[k])
+        if closed[k]:
+            place = 3 * int(rows.place[r, 0]) + int(rows.place[r, 1])
+            yield Margin(FORCE, place, CONTACT, direction=direction)
+        else:
+            gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
+            yield gap._replace(level=float(contacts.limit[k]), near=float(contacts.round_off[k]))
+
+
 def laws_of_time(system: System) -> np.ndarray:
     """Return the (l,) piecewise laws of time: their breaks are known beforehand."""
     timed = set(forces.laws_of_time(system.forces))
@@ -199,7 +223,7 @@ def next_break(timed: np.ndarray, laws: Laws, t: float, near: float) -> float:
 
 @apart
 def set_values(margins: Margins, system: System, start: SystemWorkspace, value: np.ndarray) -> None:
-    """Set ``value`` (m,) to the margins of the prepared state."""
+    """Set ``value`` (m,) to the margins of the prepared state, but for those of forces."""
     if margins.has_expressions:
         forces.set_expressions(system.forces.signals, start.forces, system.scalar)
     if margins.coordinate.size > 0:
@@ -210,7 +234,7 @@ def set_values(margins: Margins, system: System, start: SystemWorkspace, value: 
             value[k] = forces.expression_at(system.forces.signals, start.forces, item)
         elif kind == COORDINATE:
             value[k] = margins.coordinate[item]
-        else:
+        elif kind == RATE:
             value[k] = margins.rate[item]
 
 
@@ -304,6 +328,9 @@ def free_range(margins: Margins, k: int, y: float, change: float) -> tuple[float
     much it may pass them; infinite ones if it is at a level. ``change`` is what it moves by in the
     step.
     """
+    if margins.action[k] == CONTACT:
+        level, slack = margins.level[k], margins.near[k]
+        return (level, math.inf, slack) if margins.direction[k] < 0 else (-math.inf, level, slack)
     if is_held(margins, k):
         low, high = held_range(margins, k)
         return low, high, AT_ENDS * change

@@ -33,7 +33,7 @@ SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 """Sizes of each kind of geom."""
 WATER = 1000.0
 """Default density [kg/m^3]."""
-CONTACT = "msahl has no contact"
+CONTACT = "shapes are not made contacts"
 NOT_SOLID = {"convex": "its convex hull", "shell": "a shell"}
 """Ways of MuJoCo to weigh a mesh that are not those here."""
 

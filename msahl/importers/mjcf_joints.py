@@ -10,7 +10,7 @@ from msahl.importers.reading import Log, direction, number, numbers
 from msahl.importers.robot import Axis, Pose
 
 KINDS = ("hinge", "slide", "ball", "free")
-STOPS = "msahl has no stops: the joint moves beyond its range"
+STOPS = "limits are not made contacts: the joint moves beyond its range"
 OF_LIMITS = (
     "range", "limited", "margin", "solreflimit", "solimplimit", "solreffriction",
     "solimpfriction",

@@ -26,8 +26,8 @@ KINDS = {
 """Types of joints, and what they are here."""
 WORLD = "world"
 """A root of this name without mass is the ground."""
-CONTACT = "msahl has no contact"
-STOPS = "msahl has no stops: the joint moves beyond its limits"
+CONTACT = "shapes are not made contacts"
+STOPS = "limits are not made contacts: the joint moves beyond them"
 
 
 def read_urdf(root: Element, options: ImportOptions, meshes: MeshFiles, log: Log) -> Robot:

@@ -3,6 +3,7 @@
 from msahl.algebra.functions import Law
 from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
+from msahl.model.contacts import ContactSide, DistanceLimit, JointLimit, PlaneContact
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -40,11 +41,14 @@ __all__ = [
     "BeamShape",
     "Bushing",
     "ConcentratedLoad",
+    "ContactSide",
     "Coupling",
+    "DistanceLimit",
     "Ground",
     "Group",
     "Joint",
     "JointActuator",
+    "JointLimit",
     "JointLoad",
     "JointMotion",
     "JointSpring",
@@ -57,6 +61,7 @@ __all__ = [
     "MarkerDistance",
     "Model",
     "Options",
+    "PlaneContact",
     "PointLoad",
     "PointMotion",
     "RigidBody",

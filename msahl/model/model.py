@@ -6,10 +6,12 @@ of every ground; B, a body's own axes at its reference point B.
 
 from collections.abc import Mapping
 from dataclasses import field
+from typing import TypeAlias
 
 from msahl.algebra.vector import Vector
 from msahl.model.beams import Beam
 from msahl.model.bodies import Ground, RigidBody
+from msahl.model.contacts import Contact, ContactSide, sides_of
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Actuator, ConcentratedLoad, Load
@@ -20,15 +22,17 @@ from msahl.model.shapes import BeamShape, Shape
 from msahl.model.signals import AnySignal, SignalState, Stop
 from msahl.records import record
 
+Constrained: TypeAlias = Joint | Coupling | JointMotion | PointMotion | ContactSide
+
 
 @record
 class Model:
     """A complete deck.
 
-    ``gravity`` [m/s^2] in I. Names are unique across bodies and grounds, across joints, couplings
-    and motions, and across loads; those of bodies, markers, sensors and groups differ as well.
-    ``unit_system`` names the deck's default units. ``position`` and
-    ``velocity`` say how the state at t = 0 is made consistent with the joints.
+    ``gravity`` [m/s^2] in I. Names are unique across bodies and grounds, across joints, couplings,
+    motions and contacts, and across loads; those of bodies, markers, sensors and groups differ as
+    well. ``unit_system`` names the deck's default units. ``position`` and ``velocity`` say how the
+    state at t = 0 is made consistent with the joints.
     """
 
     gravity: Vector
@@ -40,6 +44,7 @@ class Model:
     unit_system: str = "SI"
     couplings: tuple[Coupling, ...] = ()
     motions: tuple[JointMotion | PointMotion, ...] = ()
+    contacts: tuple[Contact, ...] = ()
     position: str = "check"  # or "project": correct the positions by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
     markers: tuple[Marker, ...] = ()
@@ -51,7 +56,20 @@ class Model:
     beams: tuple[Beam, ...] = ()  # between bodies that are their nodes
     beam_shapes: tuple[BeamShape, ...] = ()  # of beams, for views
     places: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
-    """File and line of motions, loads and signals by name, for messages; empty without a deck."""
+    """File and line of motions, contacts, loads and signals by name, for messages; empty without a
+    deck."""
+
+    @property
+    def contact_sides(self) -> tuple[ContactSide, ...]:
+        """The sides of all contacts, in their order."""
+        return tuple(side for contact in self.contacts for side in sides_of(contact))
+
+    @property
+    def constrained(
+        self,
+    ) -> "tuple[Constrained, ...]":
+        """All that has constraint equations, in the order in which they are numbered."""
+        return (*self.joints, *self.couplings, *self.motions, *self.contact_sides)
 
     @property
     def actuators(self) -> tuple[Actuator, ...]:

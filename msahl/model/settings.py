@@ -5,6 +5,7 @@
 the program reads ``RunSettings`` and does not decode ``Simulation`` itself.
 """
 
+from msahl.model.contacts import POISSON
 from msahl.model.scheme import (
     AUTO,
     AUTO_FAMILY,
@@ -61,7 +62,8 @@ class Simulation:
     are written, ``joint_table`` whether the coordinates of joints are. ``output_interval`` [s] is
     the time between output times, None for the step size. The step size is controlled by
     ``tolerance`` [m] of the global error or by ``local_tolerance`` [m] of the sum of local errors;
-    ``dt`` is then the first step size tried. ``start`` is one of ``STARTS``.
+    ``dt`` is then the first step size tried. ``start`` is one of ``STARTS``, ``impact_law`` one
+    of ``IMPACT_LAWS``.
     """
 
     title: str
@@ -79,6 +81,7 @@ class Simulation:
     accelerations: str = NO
     joint_table: str = AUTOMATIC
     start: str = GIVEN
+    impact_law: str = POISSON
 
 
 @record

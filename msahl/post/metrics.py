@@ -218,7 +218,7 @@ def compute_metrics(run: Run) -> Metrics:
 
 def element_names(model: Model) -> tuple[str, ...]:
     """Return the names of joints, couplings and motions: all elements with constraint equations."""
-    return tuple(e.name for e in (*model.joints, *model.couplings, *model.motions))
+    return tuple(element.name for element in model.constrained)
 
 
 def _speed(run: Run, energy: Energy) -> float:
@@ -266,6 +266,8 @@ def _is_along_angle(model: Model) -> dict[int, int]:
     """By index of the element: 1 if its load is along an angle [N m], 0 if along a slide [N]."""
     coordinates = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
     coordinates += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
+    sides = [getattr(side.contact, "coordinate", "slide") for side in model.contact_sides]
+    coordinates += sides
     return {e: int(c == "angle") for e, c in enumerate(coordinates, start=len(model.joints))}
 
 

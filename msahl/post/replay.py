@@ -13,6 +13,7 @@ import numpy as np
 from msahl.algebra.vector import at, put
 from msahl.elements.beams import instant
 from msahl.elements.constraints import coordinates
+from msahl.elements.constraints.equations import is_active
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.formulations.absolute.frames import FramesWorkspace
 from msahl.formulations.absolute.rigid_body import RigidBodies, energy, read_states
@@ -65,7 +66,7 @@ def observe(run: Run, visit: Callable[[slice, History], None]) -> Rows:
     state = build_state(model, system)
     start = new_system_workspace(system, state)
     m, n = len(run.time), len(model.bodies)
-    elements = len(model.joints) + len(model.couplings) + len(model.motions)
+    elements = len(model.constrained)
     alone = [_system_of_one(model, b) for b in range(n)]
     energies, elastic = np.zeros((3, m, n)), np.zeros(m)
     violation, rate = np.zeros((2, m, elements, 2))
@@ -104,8 +105,9 @@ def _slots(system: System) -> tuple[np.ndarray, np.ndarray]:
     used[:points] = holonomic[:points] = True
     if system.scalar:
         rows = system.scalar.equations
-        used[rows.place[:, 0], rows.place[:, 1]] = True
-        holonomic[rows.place[:, 0], rows.place[:, 1]] = rows.holonomic
+        active = is_active(rows)
+        used[rows.place[:, 0], rows.place[:, 1]] = active
+        holonomic[rows.place[:, 0], rows.place[:, 1]] = rows.holonomic & active
     return used, holonomic
 
 

@@ -1,5 +1,6 @@
 """Reads a run's folder: the model that was run, its tables and its ``run.json``."""
 
+import csv
 import io
 from dataclasses import field
 from itertools import chain
@@ -9,6 +10,8 @@ from typing import Any, TextIO
 import numpy as np
 import pandas as pd
 
+from msahl.contact.events import COLUMNS as EVENT_COLUMNS
+from msahl.contact.events import WORDS as EVENT_WORDS
 from msahl.deck import read_deck
 from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
@@ -17,7 +20,7 @@ from msahl.results.checksums import altered
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, DRIVES, PART, file_name
-from msahl.run.tables import ERROR, REACTIONS, STATES, WORK, error_columns, tables_of_model
+from msahl.run.tables import ERROR, EVENTS, REACTIONS, STATES, WORK, error_columns, tables_of_model
 from msahl.run.verdict import FAIL
 
 __all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
@@ -43,6 +46,7 @@ class Run:
     errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
     others: dict[str, pd.DataFrame] = field(default_factory=dict)  # all other tables, by name
     drives: pd.DataFrame | None = None  # loads that produce a given motion
+    events: pd.DataFrame | None = None  # of contacts; None if the model has none
 
     @property
     def time(self) -> np.ndarray:
@@ -104,6 +108,7 @@ def read_run(folder: Path) -> Run:
         partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, model, tables[STATES_FILE]["time"].to_numpy(), info),
         drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
+        events=_events(folder, model),
     )
 
 
@@ -117,6 +122,29 @@ def _judged(folder: Path, info: dict[str, Any]) -> dict[str, Any]:
     verdict = info["verdict"]
     reasons = [reason, *verdict["reasons"]]
     return {**info, "verdict": {**verdict, "word": FAIL, "reasons": reasons}}
+
+
+def _events(folder: Path, model: Model) -> pd.DataFrame | None:
+    """The table of contact events; None if the model has no contacts."""
+    path = find(folder, file_name(EVENTS))
+    if not model.contacts:
+        return None
+    if path is None:
+        raise ResultError(f"{shown_path(folder / file_name(EVENTS))}: missing; {AGAIN}")
+    try:
+        with _complete_lines(path) as file:
+            head, *rows = csv.reader(file)
+        numbers = {name: [float(row[k]) for row in rows] for k, name in _numbers_of_events()}
+        words = {name: [row[EVENT_COLUMNS.index(name)] for row in rows] for name in EVENT_WORDS}
+    except (OSError, ValueError, IndexError) as error:
+        raise ResultError(f"{shown_path(path)}: cannot be read: {error}; {AGAIN}") from error
+    if head != EVENT_COLUMNS:
+        raise ResultError(f"{shown_path(path)}:1: its columns are not those of events; {AGAIN}")
+    return pd.DataFrame({**numbers, **words})[EVENT_COLUMNS]
+
+
+def _numbers_of_events() -> list[tuple[int, str]]:
+    return [(k, name) for k, name in enumerate(EVENT_COLUMNS) if name not in EVENT_WORDS]
 
 
 def drives_file(folder: Path, info: dict[str, Any]) -> Path | None:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import orjson
 
+from msahl.contact.events import COLUMNS as EVENT_COLUMNS
 from msahl.model import Model
-from msahl.run.tables import ERROR, TABLES, error_columns, tables_of_model
+from msahl.run.tables import ERROR, EVENTS, TABLES, error_columns, tables_of_model
 
 PART = ".part"
 INFO, DECK, CHECKPOINT = "run.json", "deck.xml", "checkpoint"
@@ -33,7 +34,7 @@ GRADIENTS = "gradients.csv"
 """Derivatives of measures by numbers of the deck, if they were asked for."""
 DRIVES = "drives"
 """Name of the table of the loads that produce a given motion."""
-TABLE_FILES = (*map(file_name, (*TABLES, DRIVES)), GRADIENTS)
+TABLE_FILES = (*map(file_name, (*TABLES, EVENTS, DRIVES)), GRADIENTS)
 """Names of the files of all tables."""
 
 
@@ -54,7 +55,12 @@ class Table:
             self.cut(end)
 
     def write(self, rows: np.ndarray) -> None:
-        """Append ``rows`` (m, columns) of finite numbers; an ``OSError`` names the file."""
+        """Append ``rows`` (m, columns) of finite numbers, or of objects: words and numbers; an
+        ``OSError`` names the file.
+        """
+        if rows.dtype == object:
+            self._append("".join(f"{','.join(map(_word, row))}\n" for row in rows).encode())
+            return
         text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
         # A JSON array of arrays is CSV but for its brackets.
         self._append(text[2:-2].replace(b"],[", b"\n") + b"\n")
@@ -83,6 +89,11 @@ class Table:
     def close(self) -> None:
         """Close the file."""
         self.file.close()
+
+
+def _word(value: str | float) -> str:
+    """Return a word, or the shortest decimal of a number; names have no commas."""
+    return value if isinstance(value, str) else orjson.dumps(value).decode()
 
 
 def write_table(path: Path, columns: list[str], rows: np.ndarray) -> None:
@@ -122,6 +133,8 @@ class RunFolder:
             clear(folder)
             replace_file(folder / DECK, deck)
         columns, self.of_errors = tables_of_model(model), error_columns(model)
+        if model.contacts:
+            columns[EVENTS] = EVENT_COLUMNS
         if ends is not None and file_name(ERROR) in ends:
             columns[ERROR] = self.of_errors
         self.tables: dict[str, Table] = {}

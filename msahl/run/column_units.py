@@ -126,5 +126,8 @@ def _along(name: str, model: Model) -> str:
     for element in (*model.motions, *model.loads):
         if element.name == name:
             return getattr(element, "coordinate", "slide")
+    for side in model.contact_sides:
+        if side.name == name:
+            return getattr(side.contact, "coordinate", "slide")
     joint, _, coordinate = name.rpartition(".")
     return coordinate if any(each.name == joint for each in model.joints) else ""

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 from msahl.model.settings import OFF
+from msahl.run.contacts import figures as contact_figures
 from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides, speeds_that_jump
 from msahl.run.record import Record
 from msahl.run.report import Report
@@ -12,6 +13,7 @@ from msahl.run.signal_errors import with_largest
 from msahl.run.tables import counts_revolutions
 from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
+from msahl.system.names import LOAD_COLUMN
 from msahl.system.signal_terms import Scales
 
 ROTATES = 0.75
@@ -28,6 +30,9 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     for integrator in setup.integrators:
         integrator.review_reactions()
         report.non_unique_reactions |= integrator.shared
+        if integrator.modes:
+            shared = sorted(integrator.modes.shared)
+            report.non_unique_reactions |= {name: [LOAD_COLUMN] for name in shared}
     _add_extremes(setup, record, report)
     _complete_estimate(setup, record, report)
     if setup.attempts and setup.estimate:
@@ -39,6 +44,9 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     if rotation >= math.pi and counts_revolutions(setup.model):
         report.warnings.append(angles_uncertain(rotation))
     report.error = setup.estimate.as_json() if setup.estimate else None
+    report.contacts = contact_figures(setup.integrators)
+    if report.error and report.contacts:
+        report.error["position"] += report.contacts["omittedHeight"]
     if report.error and setup.mesh:
         # The errors of the steps and of the mesh add up, at worst.
         report.error["position"] += setup.mesh.largest
@@ -128,6 +136,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         non_unique_reactions=report.non_unique_reactions,
         error=report.error,
         horizon=_horizon(setup),
+        energy_gained=(report.contacts or {}).get("energyGained", 0.0),
         jumping=jumping_by_reactions(setup.integrators),
         speed_jumps=speeds_that_jump(setup.model, report.time),
     )

@@ -21,6 +21,7 @@ from msahl.records import record
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
+from msahl.run.contacts import forget_events, omitted_heights, rows_of_events
 from msahl.run.error_estimate import NO_ERRORS
 from msahl.run.mesh_error import FinerMesh
 from msahl.run.messages import not_written, stop_not_found, stops_at_once
@@ -32,7 +33,7 @@ from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
 from msahl.run.stop import fulfilled_at_start, margin_after, time_of_stop, words_of
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.tables import ERROR, Sink
+from msahl.run.tables import ERROR, EVENTS, Sink
 from msahl.schemes.outcome import Stopped
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk
@@ -292,7 +293,9 @@ class TimeLoop:
         begin, words = plan.progress.time, words_of(self.setup.model)
         self._arm(math.inf)
         try:
-            t = time_of_stop(self._margin_at, event, begin)
+            # A condition that a jump of velocities fulfils holds after it, and not at its time.
+            found = event.after if event.at_start else None
+            t = found or time_of_stop(self._margin_at, event, begin)
         except NoStep:
             self.report.end(NOT_CONVERGED, stop_not_found(words, begin, event.after))
             return
@@ -401,6 +404,7 @@ class TimeLoop:
             if mesh:
                 by_mesh = mesh.follow(integrators, steps, schedule, times)
                 errors[:, 1] += by_mesh[: len(errors)]
+            errors[:, 1] += omitted_heights(integrators, errors[:, 0])
         except Stopped:  # run and companion stand at different times, so no snapshot is possible
             raise KeyboardInterrupt from None
         self.report.add_seconds("companion", time.perf_counter() - began)
@@ -408,17 +412,19 @@ class TimeLoop:
 
     def _publish(self, times: np.ndarray, errors: np.ndarray) -> bool:
         """Write the first rows of the chunk and those of ``errors``; whether the sink took them."""
-        if not times.size:
+        events = rows_of_events(self.setup.integrators)
+        if not times.size and not events.size:
             return True
         began = time.perf_counter()
         try:
-            tables = self.setup.tables.rows(times)
-            if self.sink.takes_observed:
+            tables = self.setup.tables.rows(times) if times.size else {}
+            if self.sink.takes_observed and times.size:
                 tables |= self.setup.observed.rows(tables)
-            self.sink.write({**tables, ERROR: errors})
+            self.sink.write({**tables, ERROR: errors, EVENTS: events})
         except OSError as error:
             self._end_unwritten(error)
             return False
+        forget_events(self.setup.all_integrators)
         self.setup.plan.progress.output_times += times.size
         self.report.add_seconds("output", time.perf_counter() - began)
         return True

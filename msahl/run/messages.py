@@ -36,6 +36,8 @@ def step_failed(
     """Why a subsystem could not take step number ``step`` of size ``h`` [s] from time ``t`` [s]."""
     if integrator.stepper.sliding:
         return str(slides(integrator, ends_run=True))
+    if integrator.stepper.trouble:
+        return integrator.stepper.trouble
     name, smallest = integrator.find_nonfinite(h), integrator.stepper.smallest_tried(h)
     if np.isnan(outcome.residual):
         name = name or integrator.find_undefined(h)
@@ -62,6 +64,8 @@ def tolerance_not_met(
     """Why no step from time ``t`` [s] meets the local ``tolerance`` [m]."""
     if integrator.stepper.sliding:
         return str(slides(integrator, ends_run=True))
+    if integrator.stepper.trouble:
+        return integrator.stepper.trouble
     tried = integrator.stepper.smallest_tried(h)
     name = integrator.find_nonfinite(tried)
     if name is None and np.isnan(outcome.residual):

@@ -34,6 +34,7 @@ class Report:
     subdivisions: int = 0
     warnings: list[str] = field(default_factory=list)
     resumed: list[float] = field(default_factory=list)
+    contacts: dict[str, Any] | None = None  # impacts, energy they took [J], which are closed
     stop: dict[str, Any] | None = None  # time [s] and condition of a run that ended before t_final
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from msahl.system.arrays import (
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
+from msahl.system.contacts import contacts_of
 from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
@@ -47,6 +48,10 @@ from msahl.system.state import build_state
 from msahl.system.tree import Formulation, choose_formulation
 from msahl.system.unknowns import choose
 from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
+
+if TYPE_CHECKING:
+    from msahl.contact.modes import ContactModes
+    from msahl.schemes.contact_steps import ContactSteps
 
 
 class SubsystemIntegrator:
@@ -94,13 +99,20 @@ class SubsystemIntegrator:
         step = 0.0 if resolve(simulation).adaptive else simulation.dt
         span = Span(simulation.t_final, step, self.resolves_inputs)
         self.formulation = self._choose_formulation(full)
+        self.modes = _new_modes(model, self.workspace)
         self.stepper = _new_stepper(
-            model, self.workspace, solver, (instantaneous, span), self.storage, self.formulation
+            model,
+            self.workspace,
+            solver,
+            (instantaneous, span),
+            self.storage,
+            self.formulation,
+            self.modes,
         )
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
-        if self.storages is None or self.size >= LARGE:
+        if self.storages is None or self.size >= LARGE or self.model.contacts:
             return Storage()
         simulation = self.model.simulation
         kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
@@ -172,7 +184,7 @@ class SubsystemIntegrator:
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
-        elements = (*self.model.joints, *self.model.couplings, *self.model.motions)
+        elements = self.model.constrained
         found = non_unique_reactions(system, state) if self.redundant else {}
         for e, columns in found.items():
             known = self.shared.get(elements[e].name, [])
@@ -215,7 +227,7 @@ class SubsystemIntegrator:
         seconds.
         """
         self.storage.step_time = step_time
-        if self.storages and self.size < LARGE:
+        if self.storages and self.size < LARGE and not self.model.contacts:
             self.storages.give_back(self.storage)
 
     def show_start(self) -> None:
@@ -264,26 +276,73 @@ def _new_stepper(
     details: tuple[bool, Span],
     storage: Storage,
     formulation: Formulation,
+    modes: "ContactModes | None",
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
     instantaneous, span = details
     if not settings.degree:
-        midpoint = MidpointMethod(workspace, instantaneous, span, storage)
-        return FixedStepper(midpoint, solver)
+
+        def new_midpoint(own: Workspace) -> MidpointMethod:
+            place = storage if modes is None else Storage()
+            return MidpointMethod(
+                own, instantaneous, span, place, modes.contacts if modes else None
+            )
+
+        contacts = _new_contact_steps(modes, workspace, new_midpoint)
+        return FixedStepper(
+            contacts.method if contacts else new_midpoint(workspace), solver, contacts
+        )
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
     tree = formulation.tree
     rest = span, storage, None if tree is None else (tree, formulation.cut)
-    if tolerance is None:
-        method = CollocationMethod(workspace, settings.family, settings.degree, *rest)
-        return FixedStepper(method, solver)
     if formulation.tree is not None:
         degrees = tuple(degree for degree in degrees if degree <= LANES)
     # The first review begins in the middle of the degrees.
-    degree = degrees[len(degrees) // 2]
-    method = CollocationMethod(workspace, settings.family, degree, *rest)
+    degree = settings.degree if tolerance is None else degrees[len(degrees) // 2]
+
+    def new_collocation(own: Workspace) -> CollocationMethod:
+        if modes is None:
+            return CollocationMethod(own, settings.family, degree, *rest)
+        place = span, Storage(), None, modes.contacts
+        return CollocationMethod(own, settings.family, degree, *place)
+
+    contacts = _new_contact_steps(modes, workspace, new_collocation)
+    method = contacts.method if contacts else new_collocation(workspace)
+    if tolerance is None:
+        return FixedStepper(method, solver, contacts)
     control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
-    return AdaptiveStepper(method, degrees, control)
+    return AdaptiveStepper(method, degrees, control, contacts)
+
+
+def _new_modes(model: Model, workspace: Workspace) -> "ContactModes | None":
+    """Return the contacts of a subsystem, which are closed or open as they are at t = 0."""
+    contacts = contacts_of(model, workspace.system, workspace.state)
+    if contacts is None:
+        return None
+    from msahl.contact.modes import ContactModes, ContactsUnsolved  # which few models need
+
+    settings, names = resolve(model.simulation), [side.name for side in model.contact_sides]
+    asked = settings.local_tolerance if settings.accuracy is None else settings.accuracy
+    given = workspace.system, workspace.state, workspace.unknowns
+    modes = ContactModes(contacts, names, model.simulation.impact_law, asked, *given)
+    try:
+        modes.begin()
+    except ContactsUnsolved as error:
+        raise StartError(str(error)) from error
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    return modes
+
+
+def _new_contact_steps(
+    modes: "ContactModes | None", workspace: Workspace, make: Callable[[Workspace], Any]
+) -> "ContactSteps | None":
+    """Return what changes the methods of steps; the code is only loaded where it is needed."""
+    if modes is None:
+        return None
+    from msahl.schemes.contact_steps import ContactSteps
+
+    return ContactSteps(modes, workspace, make)

@@ -32,6 +32,8 @@ from msahl.system.names import (
 
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
+EVENTS = "events"
+"""Impacts of contacts, and when they open and close; its rows are no output times."""
 ACCELERATIONS = "accelerations"
 RESULTANTS = "resultants"
 """Of beams at their Gauss points; other tables are made of it."""
@@ -98,7 +100,7 @@ def has_signals(model: Model) -> bool:
 def tables_of_model(model: Model) -> dict[str, list[str]]:
     """The tables that a run of the ``model`` writes, with their columns; that of errors apart."""
     tables = {STATES: state_columns(model)}
-    if model.joints or model.couplings or model.motions:
+    if model.constrained:
         tables[REACTIONS] = reaction_columns(model)
     if workers(model) or model.beams:
         tables[WORK] = work_columns(model)
@@ -136,7 +138,7 @@ class Sink(Protocol):
         """Append the rows (m, columns) of each table; the first column is the time [s].
 
         All tables of ``COLUMNS`` have the same number of rows; ``ERROR`` is missing, or has fewer,
-        where the error is not known.
+        where the error is not known, and ``EVENTS`` has rows of objects.
         """
 
     def restart(self) -> None:

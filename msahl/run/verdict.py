@@ -134,6 +134,7 @@ class Figures:
     error: dict[str, Any] | None  # as ``ErrorEstimate.as_json`` returns it
     horizon: Callable[[float], float] | None  # time [s] up to which the error is within so many m
     jumping: Sequence[str] = ()  # what has expressions that may jump by reactions
+    energy_gained: float = 0.0  # by impacts
     speed_jumps: Sequence[str] = ()  # motions whose speed jumps, and when
 
     @property
@@ -372,6 +373,16 @@ def _jumps(figures: Figures, limits: Limits) -> Iterator[Finding]:
         yield Finding("jumps", WARN, text)
 
 
+def _impacts(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    """Newton's law may add energy where several contacts take part in an impact."""
+    if figures.energy_gained > 0.0:
+        text = (
+            f"impacts added {figures.energy_gained:.1e} J to the energy, as Newton's law may "
+            'where contacts of different restitution take part; write impactLaw="poisson"'
+        )
+        yield Finding("impacts", WARN, text)
+
+
 def _speed_jumps(figures: Figures, limits: Limits) -> Iterator[Finding]:
     """A speed that jumps takes an impulse, whose force is what the step makes of it."""
     if figures.speed_jumps:
@@ -593,6 +604,7 @@ CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
     _initial_velocities,
     _jumps,
     _speed_jumps,
+    _impacts,
 )
 """All checks, in the order in which they are reported."""
 

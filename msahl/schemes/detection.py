@@ -1,11 +1,11 @@
 """Detects the events of one subsystem for a stepper."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from msahl.events import margins
 from msahl.events.margins import END, Margins
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
@@ -13,7 +13,7 @@ from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.schemes import step_events
 from msahl.schemes.collocation.dense_output import DenseOutput
-from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.accelerations import Instant, new_instant
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import (
     AFTER,
@@ -28,9 +28,14 @@ from msahl.schemes.step_events import (
     Detector,
     new_detector,
 )
+from msahl.system.contacts import Contacts
 
 SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
+AFTER_JUMP = 1e-9
+"""Time after a jump of velocities, as a fraction of the time, at which it has happened for sure."""
+BEGINNING = 1.5
+"""Time of an event of a contact, over the soonest one, up to which it is at the start."""
 KEPT = ("crossed", "loose", "often", "holds", "slides")
 """Arrays of the detector that a run needs to go on."""
 COMPILED: dict[Any, Any] = {
@@ -41,7 +46,7 @@ COMPILED: dict[Any, Any] = {
         step_events.cross,
         step_events.release,
         step_events.blame_switches,
-        margins.set_values,
+        step_events.set_margins,
     )
 }
 
@@ -58,9 +63,12 @@ class Detection:
         output: DenseOutput,
         instant: Instant | None,
         storage: Storage,
+        contacts: Contacts | None = None,
     ) -> None:
         self.workspace, self.storage = workspace, storage
-        fresh = new_detector(found, workspace.state, output, instant)
+        self.contacts = 0 if contacts is None else contacts.row.size
+        pressing = new_instant(workspace.system, workspace.unknowns) if self.contacts else None
+        fresh = new_detector(found, workspace.state, output, instant, pressing)
         self.detector: Detector = storage.place(("events", id(output)), fresh)
         self.splits = self.detector.divides or bool(found.known.time.size)
         self.set_size(0.0)
@@ -70,13 +78,13 @@ class Detection:
         """As ``Stepper.calls``: what divides steps."""
         if not self.splits:
             return []
-        step, values = (self.detector, self.workspace), COMPILED[margins.set_values]
+        step, values = (self.detector, self.workspace), COMPILED[step_events.set_margins]
         taken = COMPILED[step_events.begin_step], COMPILED[step_events.has_event]
         cross = COMPILED[step_events.cross], (self.detector, 0, 0.0)
         release = COMPILED[step_events.release], (self.detector, 0.0, False)
         blame = COMPILED[step_events.blame_switches], (self.detector, 0.0)
         calls = (*((kernel, step) for kernel in taken), cross, release, blame)
-        return [*calls, (values, self._values)]
+        return [*calls, (values, (*step, self.detector.probe))]
 
     def set_size(self, h: float) -> None:
         """Let times differ by round-off of the run, or of steps ``h`` [s]."""
@@ -152,6 +160,28 @@ class Detection:
         self.detector.figures[ARMED], self.detector.figures[KNOWN] = time, np.nan
         self.detector.event[0] = -1
 
+    @property
+    def _first_contact(self) -> int:
+        """The first margin of a contact; those of contacts are the last."""
+        return int(self.detector.margins.kind.size) - self.contacts
+
+    def contact_of(self, event: Event) -> int | None:
+        """Return the number of the contact that opens or closes at an ``event``, None if it is of
+        another kind.
+        """
+        k = event.margin - self._first_contact
+        return k if k >= 0 else None
+
+    def follow(self, other: "Detection") -> None:
+        """Take over the switches from ``other``, which had the contacts of another mode."""
+        size = self._first_contact
+        for name in KEPT[:-1]:
+            getattr(self.detector, name)[:size] = getattr(other.detector, name)[:size]
+        self.detector.slides[:] = other.detector.slides
+        for figure in (ARMED, NEAR, SLIDES):
+            self.detector.figures[figure] = other.detector.figures[figure]
+        self.detector.figures[KNOWN], self.detector.event[0] = np.nan, -1
+
     def begin(self, resolves: bool) -> None:
         """Save the start of a step that Python takes, with free switches unless it ``resolves``
         events.
@@ -172,18 +202,32 @@ class Detection:
             return None
         ends_run = bool(self.detector.margins.action[k] == END)
         guess, after, level, rate = (float(figures[i]) for i in (GUESS, AFTER, LEVEL, RATE))
-        at_start = guess <= self.detector.output.begin.time[0]
+        begin, end = self.detector.output.begin.time[0], self.detector.output.end.time[0]
+        # A contact whose gap is closed where the step begins is found at the first place looked at.
+        soonest = BEGINNING * SOON * (end - begin) if k >= self._first_contact else 0.0
+        at_start = bool(guess <= begin + soonest)
         return Event(k, ends_run, guess, after, level, rate, at_start)
+
+    def stop_in_jump(self) -> Event | None:
+        """Return the event that ends the run if a condition holds in the present state, whose
+        velocities have just jumped.
+        """
+        margins, figures = self.detector.margins, self.detector.figures
+        t = float(self.workspace.state.time[0])
+        ending = np.flatnonzero(margins.action == END)
+        if not ending.size or t < figures[ARMED]:
+            return None
+        values = [self.value(int(k)) for k in ending]
+        k = int(np.argmax(values))
+        if values[k] <= 0.0:
+            return None
+        after = t + max(AFTER_JUMP * abs(t), float(figures[NEAR]))
+        return Event(int(ending[k]), True, t, after, 0.0, math.inf, at_start=True)
 
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""
-        self._call(margins.set_values, *self._values)
+        self._call(step_events.set_margins, self.detector, self.workspace, self.detector.probe)
         return float(self.detector.probe[k])
-
-    @property
-    def _values(self) -> tuple[Any, ...]:
-        system, start = self.workspace.system, self.workspace.start
-        return self.detector.margins, system, start, self.detector.probe
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> None:
         """Call a ``kernel``, compiled if steps are divided; else only hard steps need it."""

@@ -27,6 +27,7 @@ from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.system import evaluate
 
 if TYPE_CHECKING:
+    from msahl.schemes.contact_steps import ContactSteps
     from msahl.schemes.detection import Detection
 
 MAX_SUBDIVISIONS = 10
@@ -86,6 +87,11 @@ class StepMethod(Protocol):
     def set_forms(self, forms: np.ndarray) -> None:
         """Take the steps of the next chunk in absolute coordinates where ``forms`` (m,) is 0."""
 
+    def begin_again(self, other: Any) -> None:
+        """Go on where an ``other`` method of the same kind and state stands, with other contacts
+        closed, and remember nothing of earlier steps.
+        """
+
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """Take and record steps ``first``..``last - 1`` in compiled code; the number of the first
         that was not solved or has an event, ``last`` if there is none.
@@ -118,7 +124,11 @@ class FixedStepper:
     is too large for scipy.
     """
 
-    def __init__(self, method: StepMethod, solver: str) -> None:
+    def __init__(
+        self, method: StepMethod, solver: str, contacts: "ContactSteps | None" = None
+    ) -> None:
+        self.contacts, self.h = contacts, 0.0
+        self.most_parts = MAX_PARTS if contacts is None else contacts.most_events
         self.method, self.solver, self.workspace = method, solver, method.workspace
         self.requests = Requests()
         self.armed = math.inf
@@ -152,11 +162,16 @@ class FixedStepper:
     def counters(self) -> dict[str, Any]:
         """See ``Stepper``."""
         events = self.method.detection.counters if self.method.detection else {}
-        return {"may_compile": self.may_compile, **self.method.counters, "events": events}
+        contacts = self.contacts.modes.counters if self.contacts else {}
+        own = {"may_compile": self.may_compile, "events": events, "contacts": contacts}
+        return {**own, **self.method.counters}
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
         self.may_compile = counters["may_compile"]
+        if self.contacts:
+            self.contacts.modes.restore(counters["contacts"])
+            self.method = self.contacts.method
         self.method.restore(counters)
         if self.method.detection:
             self.method.detection.restore(counters["events"])
@@ -164,6 +179,11 @@ class FixedStepper:
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
         self.method.reset_prediction()
+
+    @property
+    def trouble(self) -> str:
+        """See ``Stepper``."""
+        return self.contacts.trouble if self.contacts else ""
 
     @property
     def sliding(self) -> tuple[int, float] | None:
@@ -198,12 +218,11 @@ class FixedStepper:
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """See ``Stepper``."""
         k, outcome, event = chunk.first, Outcome(0.0, -1), None
-        began, detection = time.perf_counter(), self.method.detection
+        began, self.h = time.perf_counter(), chunk.h
         parts: dict[int, tuple[float, ...]] = {}
-        if detection:
-            detection.arm(self.armed)
-            detection.set_size(chunk.h)
+        self._prepare_detection()
         while k < chunk.last:
+            detection = self.method.detection
             if self._uses_compiled_loop():
                 k = self.method.take_steps(chunk.h, k, chunk.last, chunk.schedule)
                 event = detection.event() if detection else None
@@ -223,6 +242,12 @@ class FixedStepper:
         sizes = np.full(taken, chunk.h)
         return Advance(k, outcome, chunk.schedule, sizes, ends_of_steps, event, parts)
 
+    def _prepare_detection(self) -> None:
+        """Let the present method look for events as this stepper is to."""
+        if self.method.detection:
+            self.method.detection.arm(self.armed)
+            self.method.detection.set_size(self.h)
+
     def _uses_compiled_loop(self) -> bool:
         return self.solver == "newton" or (
             self.solver == "auto" and (self.may_compile or self.large)
@@ -236,6 +261,7 @@ class FixedStepper:
         failure, or if an event ends the run within the step, the state is as before.
         """
         before, ends, events = self._saved(), [0.0], 0
+        modes = self.contacts.modes.counters if self.contacts else {}
         self.half_taken = False
         self.reset_prediction()
         while True:
@@ -243,22 +269,56 @@ class FixedStepper:
                 outcome, event, part = self._take_next(chunk.h, ends[-1], events, tried)
             except _Undivided:
                 self._go_back(before)
-                ends, events = [0.0], MAX_PARTS
+                ends, events = [0.0], self.most_parts
                 continue
             tried = False
             if not outcome.converged or (event and event.ends_run):
                 self.reset_prediction()
                 self._go_back(before)
+                self._restore_contacts(modes)
                 return outcome, event if outcome.converged else None, []
-            if ends[-1] + part >= 1.0:
+            done = ends[-1] + part >= 1.0 - SHORTEST
+            if done:
                 self._record(chunk, step, ends[-1], 1.0)
-                return outcome, None, ends[1:]
-            if part > 0.0:
+            elif part > 0.0:
                 self._record(chunk, step, ends[-1], ends[-1] + part)
                 ends.append(ends[-1] + part)
             if event and self.method.detection:
-                self.method.detection.cross(event)
                 events += 1
+                crossed, stop = self._cross(event, events), None
+                if crossed and self.contacts:
+                    stop = self.method.detection.stop_in_jump()
+                if stop or not crossed:
+                    self._go_back(before)
+                    self._restore_contacts(modes)
+                    return outcome if stop else Outcome(math.inf, -1), stop, []
+            if done:
+                return outcome, None, ends[1:]
+
+    def _cross(self, event: Event, events: int) -> bool:
+        """Go on beyond an ``event``, the last of so many ``events`` of a step; return whether that
+        is possible.
+        """
+        assert self.method.detection
+        self.method.detection.cross(event)
+        if self.contacts is None:
+            return True
+        from msahl.contact.modes import ContactsUnsolved  # which few models need
+
+        try:
+            self.method = self.contacts.change(self.method, event)
+        except ContactsUnsolved as error:
+            self.contacts.fail(error)
+            return False
+        if events == self.most_parts:
+            self.contacts.fail(None)
+        return events < self.most_parts
+
+    def _restore_contacts(self, counters: dict[str, Any]) -> None:
+        if self.contacts:
+            self.contacts.modes.restore(counters)
+            self.method = self.contacts.enter(self.method)
+            self._prepare_detection()
 
     def _take_next(
         self, h: float, begun: float, events: int, tried: bool
@@ -271,12 +331,14 @@ class FixedStepper:
         if detection is None:
             return self._subdivide(h, 1.0, tried), None, rest
         part = rest * detection.known_part(rest * h)
+        if self.contacts:
+            part = min(part, self.contacts.time_left() / h)
         halves = self.halves_parts and not self.half_taken and (part < rest or begun > 0.0)
         part *= 0.5 if halves else 1.0
-        detection.begin(events < MAX_PARTS)
+        detection.begin(events < self.most_parts)
         begin, holds = self._saved(), detection.holds
         outcome = self._solve(h, part, tried and part == 1.0, holds)
-        event = detection.look() if outcome.converged and events < MAX_PARTS else None
+        event = detection.look() if outcome.converged and events < self.most_parts else None
         failed = not outcome.converged
         if event and not event.ends_run:
             part = self._take_part(event, begin, h, part)
@@ -290,9 +352,9 @@ class FixedStepper:
             detection.release(forever=True)
             return self._take_next(h, begun, events, False)
         detection.blame()
-        if event or 0 < events < MAX_PARTS:
+        if self.contacts is None and (event or 0 < events < MAX_PARTS):
             raise _Undivided
-        return outcome, None, part
+        return Outcome(math.inf, -1) if event else outcome, None, part
 
     def _solve(self, h: float, share: float, tried: bool, holds: bool) -> Outcome:
         """Take a ``share`` of a step ``h``, in substeps if it is hard; only once while it ``holds``

@@ -24,13 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.vector import copy
 from msahl.events import margins
-from msahl.events.margins import END, SPLIT, Margins
+from msahl.events.margins import END, FORCE, Margins
 from msahl.expressions.tape import FREE
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
-from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.accelerations import Instant, accelerate
 from msahl.schemes.common.workspace import Workspace
 from msahl.system import evaluate
 from msahl.system.arrays import State
@@ -81,10 +83,15 @@ class Detector(NamedTuple):
     begin: StepEnd  # of a pair of steps
     output: DenseOutput
     instant: Instant | None  # for the dense output of schemes of higher order
+    pressing: Instant | None  # for the forces of contacts; None: there are no contacts
 
 
 def new_detector(
-    margins: Margins, state: State, output: DenseOutput, instant: Instant | None
+    margins: Margins,
+    state: State,
+    output: DenseOutput,
+    instant: Instant | None,
+    pressing: Instant | None = None,
 ) -> Detector:
     """Return what the ``margins`` need in steps from a ``state``. Nothing ends the run yet."""
     count = margins.kind.size
@@ -92,7 +99,7 @@ def new_detector(
     figures[ARMED], figures[KNOWN], figures[SLIDES] = math.inf, math.nan, math.inf
     return Detector(
         margins=margins,
-        divides=bool((margins.action == SPLIT).any()),
+        divides=bool((margins.action != END).any()),
         figures=figures,
         event=np.full(1, -1),
         ends=np.zeros((3, count)),
@@ -110,6 +117,7 @@ def new_detector(
         begin=new_step_end(state),
         output=output,
         instant=instant,
+        pressing=pressing,
     )
 
 
@@ -135,9 +143,39 @@ def begin_step(detector: Detector, workspace: Workspace) -> None:
     if margins.hold_known(detector.margins, t, detector.figures[NEAR]):
         detector.figures[KNOWN] = math.nan
     if detector.figures[KNOWN] != t and not is_idle(detector, t):
-        margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[0])
+        set_margins(detector, workspace, detector.ends[0])
     hold_switches(detector, t)
     copy_state(state, detector.before)
+
+
+@kernel
+def set_margins(detector: Detector, workspace: Workspace, value: np.ndarray) -> None:
+    """Set ``value`` (m,) to the margins of the prepared state."""
+    margins.set_values(detector.margins, workspace.system, workspace.start, value)
+    set_forces(detector.pressing, detector.margins, workspace, value)
+
+
+@optional()
+def set_forces(
+    pressing: Instant, margins: Margins, workspace: Workspace, value: np.ndarray
+) -> None:
+    """Set the margins in ``value`` (m,) that are forces of closed contacts, by the accelerations of
+    the prepared state. What it holds of the last step stays.
+    """
+    system, state, solved = workspace.system, workspace.state, False
+    for k in range(value.size):
+        if margins.kind[k] != FORCE:
+            continue
+        node, slot = margins.item[k] // 3, margins.item[k] % 3
+        if not solved:
+            copy(state.force, pressing.force)
+            copy(state.reaction, pressing.reaction)
+            accelerate(system, state, workspace.start, pressing)
+            copy(pressing.force, state.force)
+            copy(pressing.reaction, state.reaction)
+            solved = True
+        unknown = pressing.solution[first_multiplier(system.frames) + node, slot]
+        value[k] = unknown * system.unit[node, slot]
 
 
 @kernel
@@ -234,7 +272,7 @@ def has_event(detector: Detector, workspace: Workspace) -> bool:
     if is_idle(detector, detector.output.begin.time[0]):
         return False
     dense_output.save_end(detector.output.end, workspace)
-    margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[1])
+    set_margins(detector, workspace, detector.ends[1])
     if not find_event(detector, 0):
         for k in range(detector.low.size):
             detector.ends[0, k] = detector.ends[1, k]
@@ -318,7 +356,7 @@ def sample(detector: Detector, level: int, tau: float, value: np.ndarray) -> Non
     dense_output.set_auxiliary(workspace.system.forces.signals, output, level, h, tau)
     dense_output.set_basis_weights(output, level, tau)
     dense_output.interpolate(output, h, tau)
-    margins.set_values(detector.margins, workspace.system, workspace.start, value)
+    set_margins(detector, workspace, value)
 
 
 @apart

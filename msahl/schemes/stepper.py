@@ -117,6 +117,10 @@ class Stepper(Protocol):
         """
 
     @property
+    def trouble(self) -> str:
+        """Why contacts keep it from taking further steps, in words; empty if they do not."""
+
+    @property
     def sliding(self) -> tuple[int, float] | None:
         """The switch of expressions along whose level the motion slides, and since when [s]."""
 

@@ -93,12 +93,12 @@ def make_consistent(
             )
         method = wish
         if wish == "keepAngular":
-            _project(system, state, work_arrays, choose(system, _translations(system, free)))
+            project(system, state, work_arrays, choose(system, _translations(system, free)))
             if _largest(_violation_rate(system, state, work_arrays)) > 1e3 * near:
                 method = "massWeighted"
                 state.v[:], state.w[:] = v0, w0
         if method == "massWeighted":
-            _project(system, state, work_arrays, choose(system, free))
+            project(system, state, work_arrays, choose(system, free))
         left = _largest(_violation_rate(system, state, work_arrays))
         if left > 1e3 * near:
             raise StartError(
@@ -176,7 +176,7 @@ def _translations(system: System, free: np.ndarray) -> np.ndarray:
     return translations
 
 
-def _project(system: System, state: State, work_arrays: WorkArrays, unknowns: Unknowns) -> None:
+def project(system: System, state: State, work_arrays: WorkArrays, unknowns: Unknowns) -> None:
     """Change the velocities among ``unknowns``, least by mass, so that the violation rate is 0."""
     rows = np.zeros((node_count(system), 3))
     frames = system.frames

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from msahl.analysis.no_contacts import require_no_contacts
 from msahl.jit.compiled import working_clock
 from msahl.model import resolve
 from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
@@ -109,8 +110,9 @@ def study(
     at the time ``until`` of ``working_clock`` (default: the plan's budget from now).
 
     Raises ``ResultError`` if there is no reference, ``StartError`` if there are no consistent
-    initial conditions.
+    initial conditions, or if the model has contacts.
     """
+    require_no_contacts(plan.model)
     until = working_clock() + plan.budget if until is None else until
     reference = reference or find_reference(plan)
     observer = Observer(stopped, report, progress)

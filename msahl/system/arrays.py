@@ -14,6 +14,7 @@ from msahl.elements.beams.group import Beams, BeamsWorkspace
 from msahl.elements.beams.group import new_workspace as new_beams_workspace
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
 from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.equations import is_active
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.reactions import Reactions, Shown
@@ -133,8 +134,10 @@ def coordinate_count(system: System) -> int:
 
 
 def equation_count(system: System) -> int:
-    """Return the number of scalar constraint equations, without those of coinciding points."""
-    return int(system.scalar.equations.function.size) if system.scalar else 0
+    """Return the number of scalar constraint equations, without those of coinciding points and of
+    open contacts.
+    """
+    return int(np.count_nonzero(is_active(system.scalar.equations))) if system.scalar else 0
 
 
 def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> CoordinatesWorkspace:

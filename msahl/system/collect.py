@@ -34,6 +34,7 @@ from msahl.laws.registry import COORDINATE_LAWS, JOINT_LAWS, Parameters
 from msahl.laws.spring import SPRING
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
+from msahl.model.contacts import ContactSide, DistanceLimit, JointLimit, PlaneContact
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -61,7 +62,7 @@ class Pair(NamedTuple):
 class EquationEntry(NamedTuple):
     """A scalar constraint equation, see ``elements.constraints.equations``; -1 is none."""
 
-    element: int  # number of the joint, coupling or motion
+    element: int  # number of the joint, coupling, motion or side of a contact
     first: int  # coordinate
     second: int  # coordinate or -1
     coefficient: float  # of the second
@@ -69,6 +70,7 @@ class EquationEntry(NamedTuple):
     function: int = -1  # law of the second coordinate
     law: int = -1  # law of time
     column: int = -1  # of the table of work
+    first_coefficient: float = 1.0  # of the first; 0 of contacts, which are open
 
 
 class CoordinateEntry(NamedTuple):
@@ -92,7 +94,7 @@ class BeamEntry(NamedTuple):
 
     beam: Beam
     frames: tuple[int, ...]  # of its nodes
-    element: int  # number of its first element, behind those of joints, couplings and motions
+    element: int  # number of its first element, behind those of all others
     column: int  # of the table of work; -1 without damping
 
 
@@ -115,7 +117,7 @@ class Elements:
     coordinates: list[tuple[Coordinate, Pair]] = field(default_factory=list)
     equations: list[EquationEntry] = field(default_factory=list)
     first_equation: list[int] = field(default_factory=lambda: [0])  # of each joint, and the last
-    load_equation: list[int] = field(default_factory=list)  # of couplings and motions
+    load_equation: list[int] = field(default_factory=list)  # of couplings, motions, contacts
     along: list[CoordinateEntry] = field(default_factory=list)  # in the order of the laws
     concentrated: list[ConcentratedEntry] = field(default_factory=list)
     at_points: list[tuple[int, PointLoad]] = field(default_factory=list)  # column of work
@@ -179,10 +181,12 @@ class _Collector:
         first = len(model.joints) + len(model.couplings)
         for i, motion in enumerate(model.motions):
             self._motion(first + i, len(model.loads) + i, motion)
+        first, column = first + len(model.motions), len(model.loads) + len(model.motions)
+        for i, side in enumerate(model.contact_sides):
+            self._contact(first + i, side)
         # Springs in the compliance form are numbered behind the elements of beams.
-        self.unknown = self._beams(
-            first + len(model.motions), len(model.loads) + len(model.motions)
-        )
+        sides = len(model.contact_sides)
+        self.unknown = self._beams(first + sides, column + sides)
         for column, load in enumerate(model.loads):
             self._load(column, load)
         order = [*COORDINATE_LAWS]
@@ -206,7 +210,7 @@ class _Collector:
         pair = Pair(a, b, s_a, self.elements.add_point(b, end.point))
         return self._add(distance(), pair)
 
-    def _pair(self, joint: Joint | SpringDamper | Bushing) -> Pair:
+    def _pair(self, joint: Joint | SpringDamper | Bushing | DistanceLimit | PlaneContact) -> Pair:
         a, b = self.elements.frame[joint.parent], self.elements.frame[joint.child]
         s_a = self.elements.add_point(a, joint.parent_point)
         return Pair(a, b, s_a, self.elements.add_point(b, joint.child_point))
@@ -262,6 +266,21 @@ class _Collector:
                 law=self.elements.add_law(motion.law),
                 column=column,
             )
+        )
+
+    def _contact(self, element: int, side: ContactSide) -> None:
+        """Add the equation of an open contact, which any motion satisfies."""
+        contact = side.contact
+        if isinstance(contact, JointLimit):
+            coordinate = self._joint_coordinate(contact.joint, contact.coordinate)
+        else:
+            along = distance()
+            if isinstance(contact, PlaneContact):
+                along = in_plane(contact.normal).first
+            coordinate = self._add(along, self._pair(contact))
+        equation = Equation(self.elements.coordinates[coordinate][0], 0.0)
+        self._add_load_equation(
+            EquationEntry(element, coordinate, -1, 0.0, equation, first_coefficient=0.0)
         )
 
     def _beams(self, element: int, column: int) -> int:

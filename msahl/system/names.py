@@ -88,13 +88,14 @@ def coordinate_columns(model: Model, levels: int) -> list[str]:
 
 def reaction_columns(model: Model) -> list[str]:
     """Header of ``reactions.csv``: of each joint force and, if it has one, moment; of couplings and
-    motions the load [N or N m], of motions the power [W] as well.
+    motions the load [N or N m], of motions the power [W] as well, of contacts the load again.
     """
     joints = [f"{joint.name}.{c}" for joint in model.joints for c in joint_columns(joint)]
     couplings = [f"{coupling.name}.{LOAD_COLUMN}" for coupling in model.couplings]
     columns_of_motion = (LOAD_COLUMN, POWER_COLUMN)
     motions = [f"{motion.name}.{c}" for motion in model.motions for c in columns_of_motion]
-    return ["time", *joints, *couplings, *motions]
+    contacts = [f"{side.name}.{LOAD_COLUMN}" for side in model.contact_sides]
+    return ["time", *joints, *couplings, *motions, *contacts]
 
 
 def joint_columns(joint: Joint) -> tuple[str, ...]:
@@ -114,9 +115,11 @@ def beam_columns(model: Model) -> list[str]:
 
 
 def workers(model: Model) -> tuple[str, ...]:
-    """Names of all whose work is counted: loads, motions, damped beams, a scheme that decays."""
+    """Names of all whose work is counted: loads, motions, contacts, damped beams, a scheme that
+    decays."""
     damped = filter(is_damped, model.beams)
-    names = tuple(element.name for element in (*model.loads, *model.motions, *damped))
+    elements = (*model.loads, *model.motions, *model.contact_sides, *damped)
+    names = tuple(element.name for element in elements)
     return (*names, WORKER) if resolve(model.simulation).dissipative else names
 
 
@@ -177,7 +180,7 @@ def describe_row(model: Model, system: System, index: int) -> str:
     if k < 0:
         kind = "moment about" if frames.rotates[node] else "force along"
         return f"body '{model.bodies[frames.owner[frames.of_node[node]]].name}', {kind} {axis}"
-    elements = [*model.joints, *model.couplings, *model.motions]
+    elements = model.constrained
     number = int(system.multipliers.element[k])
     if number >= len(elements):
         return _describe_elastic(model, system, number - len(elements), k, index % 3)

@@ -65,13 +65,13 @@ def _parts(
         size = np.array([inertia, 1.0 / inertia, 0.0])
         numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
         yield f"body '{body.name}'", numbers
-    workers = (*model.loads, *model.motions)
+    workers = (*model.loads, *model.motions, *model.contact_sides)
     for column, numbers in forces.numbers_at_points(system.forces, start.forces, state.v):
         yield f"load '{workers[column].name}'", numbers
     if system.scalar is None:
         return
     coords, rows = start.scalar.coordinates, system.scalar.equations
-    elements = [*model.joints, *model.couplings, *model.motions]
+    elements = model.constrained
     for r, (node, _) in enumerate(rows.place):
         element = elements[int(system.multipliers.element[node])]
         parts = [coords.value[q] for q in rows.coordinate[r] if q >= 0]

@@ -166,7 +166,9 @@ def _equations(elements: Elements, topology: Topology, frames: Frames) -> Constr
     values = (entry.equation.value for entry in entries)
     return ConstraintEquations(
         **topology.equations,
-        coefficient=_numbers((1.0, entry.coefficient) for entry in entries).reshape(-1, 2),
+        coefficient=_numbers(
+            (entry.first_coefficient, entry.coefficient) for entry in entries
+        ).reshape(-1, 2),
         offset=_numbers(np.nan if value is None else value for value in values),
         mass=mass,
         scale=scale,

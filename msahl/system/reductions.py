@@ -17,7 +17,7 @@ are therefore zero, not small: every velocity and every guess passes through ``f
 import numpy as np
 
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
-from msahl.elements.constraints.equations import ConstraintEquations
+from msahl.elements.constraints.equations import ConstraintEquations, is_active
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.formulations.absolute.frames import first_multiplier, ground_of, moving_count
 from msahl.ports import forces
@@ -55,9 +55,10 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     group, products = system.scalar.coordinates, start.scalar.coordinates.products
     if not all(_fits(group, products, ground, q, axis) for q in range(group.kind.size)):
         return False
-    # Forces and prescribed motions across the plane break the symmetry.
+    # Forces, contacts and prescribed motions across the plane break the symmetry.
     rows = system.scalar.equations
-    active = rows.coordinate[(rows.law >= 0) | (rows.coordinate[:, 1] >= 0)].reshape(-1)
+    moved = (rows.law >= 0) | (rows.coordinate[:, 1] >= 0) | ~is_active(rows)
+    active = rows.coordinate[moved].reshape(-1)
     acting = np.concatenate([active, forces.coordinates_of(system.forces)])
     return not _held(group, products, axis)[acting[acting >= 0]].any()
 
@@ -187,7 +188,8 @@ def _all(system: System) -> np.ndarray:
     needed[system.frames.rotation[moving]] = True
     needed[first : first + system.coincide.a.size] = True
     if system.scalar:
-        place = system.scalar.equations.place
+        rows = system.scalar.equations
+        place = rows.place[is_active(rows)]
         needed[first + place[:, 0], place[:, 1]] = True
     springs = system.forces.compliance
     if springs:

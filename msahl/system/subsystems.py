@@ -15,7 +15,7 @@ from msahl.expressions.syntax import Lookup, Name, Tree, postorder
 from msahl.model import Beam, Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
 from msahl.model.signals import element_and_value
 
-KINDS = ("joints", "couplings", "motions", "loads", "signals", "stops", "beams")
+KINDS = ("joints", "couplings", "motions", "contacts", "loads", "signals", "stops", "beams")
 """What may couple bodies, as a model holds it."""
 
 

@@ -111,7 +111,7 @@ def choose_formulation(
 def _closing(model: Model, branches: list[Branch]) -> dict[int, str]:
     """Return the names of what is not in the tree, by number among joints, couplings, motions."""
     kept = {branch.joint.name for branch in branches}
-    elements, tied = (*model.joints, *model.couplings, *model.motions), len(model.joints)
+    elements, tied = model.constrained, len(model.joints)
     names = {e: one.name for e, one in enumerate(elements)}
     return {e: name for e, name in names.items() if e >= tied or name not in kept}
 
@@ -131,6 +131,7 @@ def _excluded(model: Model, system: System) -> str:
     rates = scalar is not None and not scalar.equations.holonomic.all()
     reasons = (
         (bool(unknown), f"{', '.join(unknown)} have no joint coordinates"),
+        (bool(model.contacts), "contacts open and close, which joint coordinates do not follow"),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),

@@ -97,7 +97,7 @@ def test_steps_of_order_2_end_at_events(scheme, monkeypatch):
     monkeypatch.setattr(
         msahl.schemes.midpoint.stepper,
         "build_margins",
-        lambda system, order, span: build_margins(system, 3, span),
+        lambda system, order, *rest: build_margins(system, 3, *rest),
     )
     run = simulate(bouncing(), dt=0.04, t_final=1.0, scheme=scheme, solver="newton", error="off")
     assert np.array_equal(run.states[:8], plain.states[:8])  # before the first event, at 0.3 s

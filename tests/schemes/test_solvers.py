@@ -46,7 +46,8 @@ def test_newton_root_and_auto_go_the_same_way(path, steps):
     # Collocation begins with the compiled loop.
     first = 0 if resolve(model.simulation).degree else subsystems
     by_scipy = {"newton": 0, "root": n * subsystems, "auto": first}
-    if path.stem != "spring_table":
+    # Events divide steps.
+    if path.stem != "spring_table" and not model.contacts:
         assert {s: runs[s].report.scipy_steps for s in runs} == by_scipy
 
 

@@ -25,6 +25,7 @@ FAMILIES = {
     "basics": ("Basics", "One body, few forces: what a deck looks like and how results read."),
     "joints": ("Joints", "One deck for every kind of joint and coupling."),
     "forces": ("Forces and motions", "One deck for every kind of load and prescribed motion."),
+    "contact": ("Contact", "Impacts, ropes and stops: what opens and closes."),
     "mechanisms": ("Mechanisms", "Linkages, gyroscopes, cams and regulators."),
     "elastic": ("Elastic bodies", "Beams: large displacements, vibrations, rotors, a cable."),
     "machines": ("Machines", "Motors, sensors and controllers: actuators, signals and states."),

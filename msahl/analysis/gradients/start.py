@@ -11,6 +11,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.analysis.gradients.arrays import blocks_of, constants, flat, places_in_state
+from msahl.analysis.no_contacts import without_contacts
 from msahl.model import Model, RunSettings
 from msahl.run.setup import STORAGES
 from msahl.run.subsystem import SubsystemIntegrator
@@ -65,7 +66,11 @@ class DifferentiatedIntegrator(SubsystemIntegrator):
 
 
 def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
-    """Return the subsystems of a model at t = 0, as a run has them, each with its first row."""
+    """Return the subsystems of a model at t = 0, as a run has them, each with its first row. Raises
+    ``NotDifferentiable`` for a model with contacts.
+    """
+    if model.contacts:
+        raise NotDifferentiable(without_contacts(model))
     settings = shape.settings
     together = shape.full or settings.adaptive
     parts: list[SubsystemIntegrator] = [

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from msahl.analysis.linearised.projection import close
+from msahl.analysis.no_contacts import require_no_contacts
 from msahl.elements import reactions
 from msahl.elements.constraints import scalar
 from msahl.elements.reactions import MOST_ROUNDS
@@ -61,8 +62,9 @@ def at_start(model: Model) -> Point:
 
 def placed(model: Model) -> Point:
     """Return the model where the deck places it, with the deck's velocities; accelerations and
-    multipliers are zero.
+    multipliers are zero. Raises ``StartError`` for a model with contacts.
     """
+    require_no_contacts(model)
     system = build_system(model)
     state = build_state(model, system)
     if model.position == "project":
@@ -96,6 +98,7 @@ def at_time(model: Model, time: float) -> Point:
     """
     if time == 0.0:
         return at_start(model)
+    require_no_contacts(model)
     changed = replace(model, simulation=replace(model.simulation, t_final=time))
     sink = MemorySink((STATES, SIGNALS))
     report = run(changed, Options(error=OFF), sink, Hooks(), checked=True)

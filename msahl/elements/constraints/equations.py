@@ -38,6 +38,14 @@ class ConstraintEquations(NamedTuple):
     constraint_block: np.ndarray  # (r, 2, 4) and of the node by the parts
 
 
+def is_active(rows: ConstraintEquations) -> np.ndarray:
+    """(r,) which equations constrain anything: those of open contacts have coefficients 0, and are
+    satisfied by any motion.
+    """
+    active: np.ndarray = rows.coefficient[:, 0] != 0.0
+    return active
+
+
 @apart
 def coefficients(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, side: int

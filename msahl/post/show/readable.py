@@ -31,6 +31,7 @@ def drawable(model: Model) -> Model:
         joints=joints,
         couplings=known(model.couplings),
         motions=known(model.motions),
+        contacts=known(model.contacts),
         loads=known(model.loads),
         markers=markers,
         sensors=known(model.sensors),

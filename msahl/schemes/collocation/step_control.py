@@ -52,6 +52,7 @@ import numpy as np
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
 from msahl.events import margins
+from msahl.events.margins import CONTACT
 from msahl.events.margins import END as END_OF_RUN
 from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.kernel import kernel, optional
@@ -202,6 +203,8 @@ def take_pairs(
             write_rows(subsystem, control, times)
             cross_at_end(detector, subsystem.workspace.state.time[0])
         elif ends_run(detector) > 0.0 or figures[NEXT] < TOO_SMALL * figures[END]:
+            break
+        if changes_contacts(detector, control) > 0.0:
             break
         if is_sliding(detector) > 0.0:
             break
@@ -446,7 +449,7 @@ def is_sliding(detector: Detector) -> float:
 @optional()
 def save_margins(detector: Detector, workspace: Workspace, place: int) -> None:
     """Save the margins at the start (``place`` 0), the middle (1) or the end (2) of a pair."""
-    margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[place])
+    step_events.set_margins(detector, workspace, detector.ends[place])
 
 
 @optional()
@@ -463,6 +466,14 @@ def ends_run(detector: Detector) -> float:
     """1 if the run ends within the pair tried last."""
     k = detector.event[0]
     return 1.0 if k >= 0 and detector.margins.action[k] == END_OF_RUN else 0.0
+
+
+@optional(0.0)
+def changes_contacts(detector: Detector, control: StepControl) -> float:
+    """1 if contacts open or close where the pair tried last ends, or begins."""
+    k = detector.event[0]
+    found = k >= 0 and control.counts[SOUGHT] == 0
+    return 1.0 if found and detector.margins.action[k] == CONTACT else 0.0
 
 
 @optional(0.0)
@@ -509,6 +520,9 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
             seen[step_events.RATE] = (value - last) / (end - last_end)
     seen[step_events.LAST_TIME], seen[step_events.LAST_VALUE] = end, value
     new = end - value / seen[step_events.RATE] if seen[step_events.RATE] != 0.0 else end
+    if detector.margins.action[k] == CONTACT and new - t <= ROUND_OFF * end:
+        detector.event[0], control.counts[SOUGHT], figures[STOP] = k, 0, math.inf
+        return CROSSES
     near = near or abs(new - end) <= ROUND_OFF * end
     if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
         change = abs(detector.ends[2, k] - detector.ends[0, k])

@@ -12,20 +12,24 @@ from typing import Any
 
 import numpy as np
 
+from msahl.contact.modes import ContactsUnsolved
 from msahl.events.margins import Span, build_margins
+from msahl.events.search import Event
 from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call, compiled
-from msahl.jit.storage import Storage
+from msahl.jit.storage import Storage, doubles_in
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.tree.stages import ITERATIONS, STEPS, TreeStages
 from msahl.schemes.common.workspace import Workspace, kind_of
+from msahl.schemes.contact_steps import MOST_EVENTS, ContactSteps
 from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
+from msahl.system.contacts import Contacts
 from msahl.system.cut import Cut
 
 _take_steps = compiled(newton.take_steps)
@@ -61,9 +65,12 @@ class CollocationMethod:
         span: Span,
         storage: Storage | None = None,
         tree: tuple[Tree, Cut | None] | None = None,
+        contacts: Contacts | None = None,
     ) -> None:
         self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
+        self.contacts = contacts
+        self.fresh: dict[int, list[np.ndarray]] = {}  # memory of each degree as it was at first
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
         self.set_degree(degree)
@@ -126,7 +133,20 @@ class CollocationMethod:
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
+        if self.contacts is not None and degree not in self.fresh:
+            kept = doubles_in(self.subsystem.stages)
+            self.fresh[degree] = [array.copy() for array in kept]
         newton.reset_prediction(self.subsystem)
+
+    def begin_again(self, other: "CollocationMethod") -> None:
+        """See ``StepMethod``; nothing is left of what was before, so that a run that is resumed
+        has the same steps.
+        """
+        self.set_degree(other.degree)
+        stages = self.subsystem.stages
+        for array, value in zip(doubles_in(stages), self.fresh[self.degree], strict=True):
+            array[...] = value
+        stages.first_energy[:] = other.subsystem.stages.first_energy
 
     @property
     def forms(self) -> np.ndarray | None:
@@ -153,11 +173,11 @@ class CollocationMethod:
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
         order = COLLOCATION[self.scheme].order(degree)
-        margins = build_margins(self.workspace.system, order, self.span)
+        margins = build_margins(self.workspace.system, order, self.span, self.contacts)
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
-        return Detection(margins, self.workspace, output, instant, self.storage)
+        return Detection(margins, self.workspace, output, instant, self.storage, self.contacts)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
@@ -215,8 +235,13 @@ class AdaptiveStepper:
     """
 
     def __init__(
-        self, method: CollocationMethod, degrees: tuple[int, ...], settings: ControlSettings
+        self,
+        method: CollocationMethod,
+        degrees: tuple[int, ...],
+        settings: ControlSettings,
+        contacts: ContactSteps | None = None,
     ) -> None:
+        self.contacts = contacts
         self.method, self.workspace = method, method.workspace
         least = 1 if method.tree is None else LEAST_IN_TREE
         self.degrees = tuple(d for d in degrees if d >= least) or degrees
@@ -256,10 +281,14 @@ class AdaptiveStepper:
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
             "events": self.method.detection.counters if self.method.detection else {},
+            "contacts": self.contacts.modes.counters if self.contacts else {},
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
+        if self.contacts:
+            self.contacts.modes.restore(counters["contacts"])
+            self.method = self.contacts.method
         self.method.restore(counters)
         self.chosen = counters["chosen"]
         self.review, self.pause = counters["review"]
@@ -270,6 +299,11 @@ class AdaptiveStepper:
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
         self.method.reset_prediction()
+
+    @property
+    def trouble(self) -> str:
+        """See ``Stepper``."""
+        return self.contacts.trouble if self.contacts else ""
 
     @property
     def sliding(self) -> tuple[int, float] | None:
@@ -304,18 +338,43 @@ class AdaptiveStepper:
                 self.review = accepted + self.pause
                 self.pause = min(2 * self.pause, LONGEST_PAUSE)
             most = min(most, 2 * (self.review - accepted))
-        detection, event = self.method.detection, None
-        if detection:
-            detection.arm(self.armed)
-        done = self._take_pairs(max(2, most), chunk.times)
-        if detection:
-            seen = detection.event()
-            event = seen if seen and seen.ends_run else None
+        done, event = self._take_to_event(max(2, most), chunk.times)
         ends = self.control.ends[:done].copy()
         rows = int(self.control.counts[step_control.ROWS])
         schedule = OutputSchedule.passed(chunk.times[:rows], chunk.begin, ends)
         sizes = self.control.sizes[:done]
         return Advance(done, self.method.outcome, schedule, sizes, ends, event)
+
+    def _take_to_event(self, most: int, times: np.ndarray) -> tuple[int, Event | None]:
+        """Take pairs up to the first event that opens or closes contacts, if there is one; return
+        the number of steps, and the event that ends the run.
+        """
+        for _ in range(MOST_EVENTS):
+            detection = self.method.detection
+            if detection:
+                detection.arm(self.armed)
+            done = self._take_pairs(most, times)
+            seen = detection.event() if detection else None
+            if seen and seen.ends_run:
+                return done, seen
+            if not (self.contacts and detection and seen):
+                return done, None
+            if not step_control.changes_contacts(detection.detector, self.control) > 0.0:
+                return done, None
+            try:
+                self.method = self.contacts.change(self.method, seen)
+            except ContactsUnsolved as error:
+                self.contacts.fail(error)
+                return 0, None
+            t = float(self.workspace.state.time[0])
+            self.control.figures[step_control.STOP] = t + self.contacts.time_left()
+            assert self.method.detection
+            stop = self.method.detection.stop_in_jump()
+            if done or stop:
+                return done, stop
+        if self.contacts:
+            self.contacts.fail(None)
+        return 0, None
 
     def _take_pairs(self, most: int, times: np.ndarray) -> int:
         """Take pairs of steps, about ``most`` steps; the number of steps taken."""

@@ -15,6 +15,7 @@ from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
+from msahl.system.contacts import Contacts
 
 if TYPE_CHECKING:
     from msahl.schemes.detection import Detection
@@ -38,14 +39,19 @@ class MidpointMethod:
     forms: None = None
 
     def __init__(
-        self, workspace: Workspace, instantaneous: bool, span: Span, storage: Storage
+        self,
+        workspace: Workspace,
+        instantaneous: bool,
+        span: Span,
+        storage: Storage,
+        contacts: Contacts | None = None,
     ) -> None:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
-        self.detection = _new_detection(workspace, span, storage)
+        self.detection = _new_detection(workspace, span, storage, contacts)
 
     def set_forms(self, forms: np.ndarray) -> None:
         """See ``StepMethod``; there is one form."""
@@ -94,6 +100,9 @@ class MidpointMethod:
     def set_degree(self, degree: int) -> None:
         """See ``StepMethod``; there is but one."""
 
+    def begin_again(self, other: "MidpointMethod") -> None:
+        """See ``StepMethod``; all that a step depends on is in the state."""
+
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
         rows = schedule.ends()
@@ -140,16 +149,18 @@ class MidpointMethod:
             trend[:] = 0.0
 
 
-def _new_detection(workspace: Workspace, span: Span, storage: Storage) -> "Detection | None":
+def _new_detection(
+    workspace: Workspace, span: Span, storage: Storage, contacts: Contacts | None
+) -> "Detection | None":
     """What detects events, if there can be any. The code is only loaded where it is needed."""
-    margins = build_margins(workspace.system, order=2, span=span)
+    margins = build_margins(workspace.system, 2, span, contacts)
     if margins is None:
         return None
     from msahl.schemes.collocation.dense_output import new_dense_output
     from msahl.schemes.detection import Detection
 
     output = storage.place("dense output", new_dense_output(workspace, order=2, decays=False))
-    return Detection(margins, workspace, output, None, storage)
+    return Detection(margins, workspace, output, None, storage, contacts)
 
 
 @cache

@@ -1,0 +1,1 @@
+"""Contacts during a run: impacts, and which contacts are closed after them."""

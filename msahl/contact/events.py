@@ -1,0 +1,35 @@
+"""What happened to contacts: the rows of ``events.csv``."""
+
+from typing import NamedTuple
+
+IMPACT, CLOSES, OPENS = "impact", "closes", "opens"
+
+
+class ContactEvent(NamedTuple):
+    """One contact at the time of an event. Speeds are rates of its gap, impulses those that
+    increase it.
+    """
+
+    time: float  # [s]
+    kind: str  # "impact", "closes" (the gap stays zero from then on) or "opens"
+    contact: str
+    speed_before: float  # [m/s or rad/s]
+    speed_after: float
+    impulse: float  # [N s or N m s]
+    energy_lost: float  # [J]
+    remaining: float  # time that omitted rebounds, infinitely many, would take [s]
+
+
+COLUMNS = [
+    "time",
+    "kind",
+    "contact",
+    "gapSpeedBefore",
+    "gapSpeedAfter",
+    "impulse",
+    "energyLost",
+    "remainingTime",
+]
+"""Header of ``events.csv``."""
+WORDS = ("kind", "contact")
+"""Columns of words; all others are numbers."""

@@ -1,0 +1,92 @@
+"""Records of contacts: one-sided constraints with impacts, in SI units.
+
+Each says that a coordinate q of the motion does not leave a range. A *side* is one end of it, with
+the gap that is zero at the end and never negative:
+
+    lower:  q - limit >= 0        upper:  limit - q >= 0
+"""
+
+from typing import TypeAlias
+
+from msahl.algebra.vector import Vector
+from msahl.records import record
+
+POISSON, NEWTON = IMPACT_LAWS = ("poisson", "newton")
+
+
+@record
+class JointLimit:
+    """The ``coordinate`` ("angle" [rad] or "slide" [m]) of ``joint`` is between ``lower`` and
+    ``upper``; None: it has no such end. ``restitution`` is that of its impacts, 0 to 1."""
+
+    name: str
+    joint: str
+    coordinate: str
+    lower: float | None = None
+    upper: float | None = None
+    restitution: float = 0.0
+
+
+@record
+class DistanceLimit:
+    """The distance of ``parent_point`` and ``child_point`` [m], each from the B of its body in its
+    axes, is between ``lower`` and ``upper`` [m]; None: it has no such end."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    lower: float | None = None
+    upper: float | None = None
+    restitution: float = 0.0
+
+
+@record
+class PlaneContact:
+    """A sphere of the child, or a point (``radius`` 0), is above a plane of the parent, through
+    ``parent_point`` and with the unit vector ``normal`` (parent's axes); its centre is
+    ``child_point`` [m]."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    normal: Vector
+    radius: float = 0.0
+    restitution: float = 0.0
+
+
+Contact: TypeAlias = JointLimit | DistanceLimit | PlaneContact
+
+
+@record
+class ContactSide:
+    """One side of a ``contact``: of a range with two ends the name has the end behind a point."""
+
+    name: str
+    contact: Contact
+    is_lower: bool
+    limit: float  # [m or rad]
+
+    @property
+    def sign(self) -> float:
+        """Return 1 if the gap is larger where the coordinate is, -1 if it is smaller."""
+        return 1.0 if self.is_lower else -1.0
+
+
+def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
+    """Return the sides of a contact, the lower one first."""
+    if isinstance(contact, PlaneContact):
+        return (ContactSide(contact.name, contact, True, contact.radius),)
+    given = [
+        (lower, limit)
+        for lower, limit in ((True, contact.lower), (False, contact.upper))
+        if limit is not None
+    ]
+    names = [contact.name] if len(given) == 1 else [f"{contact.name}.{e}" for e in ENDS]
+    return tuple(ContactSide(name, contact, *end) for name, end in zip(names, given, strict=False))
+
+
+ENDS = ("lower", "upper")

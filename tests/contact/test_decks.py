@@ -1,0 +1,146 @@
+"""Contacts of decks: what is read, written and refused, and what a run leaves."""
+
+import csv
+import json
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+import msahl
+from msahl.check import check
+from msahl.cli.main import main
+from msahl.deck import DeckError, read_deck
+from msahl.deck.write_model import write_deck
+from msahl.model import DistanceLimit, JointLimit, PlaneContact
+from tests.support.models import ROOT, deck
+
+DECKS = ROOT / "decks" / "contact"
+BALL = (DECKS / "bouncing_ball.xml").read_text()
+ROPE = (DECKS / "slack_rope.xml").read_text()
+WALL = (DECKS / "pendulum_at_a_wall.xml").read_text()
+
+
+def faults_of(tmp_path, text, old, new):
+    """Messages about a deck in which ``old`` is replaced by ``new``."""
+    assert old in text
+    path = tmp_path / "deck.xml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(DeckError) as error:
+        read_deck(path)
+    return str(error.value)
+
+
+def test_records_are_those_of_the_deck():
+    ground, zero = "Earth", (0.0, 0.0, 0.0)
+    assert deck("bouncing_ball").contacts == (
+        PlaneContact("Floor", ground, "Ball", zero, zero, (0.0, 0.0, 1.0), 0.1, 0.8),
+    )
+    assert deck("slack_rope").contacts == (
+        DistanceLimit("Rope", ground, "Bob", zero, zero, None, 1.0),
+    )
+    (wall,) = deck("pendulum_at_a_wall").contacts
+    assert isinstance(wall, JointLimit)
+    assert wall.lower == pytest.approx(-0.5235987755982988, abs=1e-16)
+
+
+@pytest.mark.parametrize("name", ["bouncing_ball", "slack_rope", "pendulum_at_a_wall"])
+def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
+    model = deck(name)
+    model = replace(model, simulation=replace(model.simulation, impact_law="newton"))
+    path = tmp_path / "written.xml"
+    path.write_bytes(write_deck(model))
+    read = read_deck(path)
+    assert read.contacts == model.contacts
+    assert read.simulation == model.simulation
+    assert check(model) == []
+
+
+FAULTS = {
+    "overlap": (BALL, "<z>1.1</z>", "<z>0.05</z>", "0.05 m below the plane at t = 0"),
+    "too long": (
+        ROPE,
+        '<upper units="m">1</upper>',
+        "<upper>0.75</upper>",
+        "0.25 m above its upper",
+    ),
+    "no range": (ROPE, '<upper units="m">1</upper>', "", "neither <lower> nor <upper>"),
+    "no distance": (ROPE, '<upper units="m">1</upper>', "<upper>-1</upper>", "greater than zero"),
+    "empty range": (
+        ROPE,
+        '<upper units="m">1</upper>',
+        "<lower>2</lower><upper>1</upper>",
+        "lower must be less than upper",
+    ),
+    "restitution": (BALL, "0.8</restitution>", "1.5</restitution>", "restitution"),
+    "negative radius": (
+        BALL,
+        '<radius units="m">0.1</radius>\n        <res',
+        "<radius>-1</radius><res",
+        "less than zero",
+    ),
+    "no normal": (BALL, "<normal><z>1</z></normal>", "<normal><z>0</z></normal>", "normal is zero"),
+    "no body": (
+        BALL,
+        "<child><name>Ball</name></child>",
+        "<child><name>Boll</name></child>",
+        "Boll",
+    ),
+    "one body": (
+        BALL,
+        "<child><name>Ball</name></child>",
+        "<child><name>Earth</name></child>",
+        "both",
+    ),
+    "no joint": (WALL, "<joint>Pivot</joint>", "<joint>Pin</joint>", "'Pin' is not a joint"),
+    "no slide": (
+        WALL,
+        "<coordinate>angle</coordinate>",
+        "<coordinate>slide</coordinate>",
+        "no coordinate slide",
+    ),
+    "name taken": (WALL, "<name>Wall</name>", "<name>Pivot</name>", "name is taken"),
+    "unit": (WALL, '<lower units="deg">', '<lower units="kg">', "unknown unit"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_have_line_and_remedy(tmp_path, case):
+    text, old, new, words = FAULTS[case]
+    message = faults_of(tmp_path, text, old, new)
+    assert words in message
+    assert message.startswith(str(tmp_path / "deck.xml:"))
+
+
+def test_a_run_leaves_its_events(tmp_path):
+    folder = tmp_path / "run"
+    done = CliRunner().invoke(main, ["run", str(DECKS / "bouncing_ball.xml"), "-o", str(folder)])
+    assert done.exit_code == 0, done.output
+    rows = [*csv.reader((folder / "events.csv").read_text().splitlines())]
+    assert rows[0][:3] == ["time", "kind", "contact"]
+    assert rows[1][1:3] == ["impact", "Floor"]
+    info = json.loads((folder / "run.json").read_text())
+    assert info["contacts"]["impacts"] == sum(row[1] == "impact" for row in rows)
+    assert info["verdict"]["word"] == "PASS"
+    read = msahl.read(folder)
+    assert list(read.events["kind"]) == [row[1] for row in rows[1:]]
+    assert read.events["time"].tolist() == [float(row[0]) for row in rows[1:]]
+
+
+def test_python_results_have_events(tmp_path):
+    result = msahl.load(DECKS / "bouncing_ball.xml").run(t_final=1.0)
+    assert list(result.events["kind"]) == ["impact"]
+    assert result.write(tmp_path / "out").joinpath("events.csv").is_file()
+    assert len(msahl.load(DECKS / "bouncing_ball.xml").run(t_final=0.1).events) == 0
+
+
+@pytest.mark.parametrize("command", ["modes", "equilibrium", "kinematics", "study"])
+def test_analyses_refuse_contacts(tmp_path, command):
+    done = CliRunner().invoke(main, [command, str(DECKS / "bouncing_ball.xml")])
+    assert done.exit_code != 0
+    assert "has contacts (Floor)" in done.output
+
+
+def test_explain_says_why_steps_are_in_absolute_coordinates():
+    done = CliRunner().invoke(main, ["explain", str(DECKS / "pendulum_at_a_wall.xml")])
+    assert "contacts open and close" in done.output
