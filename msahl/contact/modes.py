@@ -217,6 +217,9 @@ class ContactModes:
                 (self.state.v, self.state.w, self.state.work), saved, strict=True
             ):
                 array[:] = old
+        unseen = height <= HEIGHT * self.contacts.round_off[which]
+        if (unseen & stays).any():
+            after = self._hold(response, after, unseen & stays, stays)
         self._note(which, was, (before, impulse, after), remaining)
         now = np.zeros(was.size, dtype=bool)
         now[which] = after.force > 0.0
@@ -302,6 +305,20 @@ class ContactModes:
         W = response.W[np.ix_(k, k)]
         if k.size > np.linalg.matrix_rank(W, tol=INDEPENDENT * float(W.max(initial=0.0))):
             self.shared.update(self.names[int(c)] for c in together)
+
+    def _hold(
+        self, response: Response, after: _After, unseen: np.ndarray, stays: np.ndarray
+    ) -> _After:
+        """Keep those contacts closed that would rebound ``unseen``: where several rock, the impact
+        of one lifts the others, without an end.
+        """
+        k = np.flatnonzero(unseen | (after.speed == 0.0))
+        push = np.zeros(unseen.size)
+        push[k] = -np.linalg.lstsq(response.W[np.ix_(k, k)], after.speed[k], rcond=None)[0]
+        self._push(response, push, after.speed)
+        speed = after.speed + response.W @ push
+        speed[k] = 0.0
+        return self._after(response, self._rounded(speed), stays)
 
     def _is_over(self, which: np.ndarray, left: np.ndarray, height: np.ndarray) -> np.ndarray:
         """(k,) whether rebounds may be omitted that take the time ``left``."""

@@ -48,8 +48,8 @@ def test_balance_closes_where_a_box_tumbles_in_three_dimensions(scheme):
     report, sink, events = run_events(model, scheme, 0.01, 1.5)
     assert times_of(events, "impact").size > 10
     assert report.extremes["energyErrorMax"] < 1e-12 * 6.0  # of m g h and what it moves with
-    v = sink.table("states")[-1, 7:9]
-    assert v == pytest.approx(sink.table("states")[0, 7:9], abs=1e-11)  # no friction
+    across = sink.table("states")[:, 1:3]
+    assert np.abs(np.diff(across, 2, axis=0)).max() < 1e-12  # nothing pushes without friction
 
 
 def test_box_slides_without_friction_and_names_shared_forces():
