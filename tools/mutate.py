@@ -167,6 +167,8 @@ MUTANTS = (
            "state.x[b, i] + (u[i] + state.x_low[b, i])", "state.x[b, i] + u[i]", (ROUNDED,)),
     Mutant("positions: collocation without compensated sum",
            "state.x[f, i] + (u[i] + state.x_low[f, i])", "state.x[f, i] + u[i]", (ROUNDED,)),
+    Mutant("positions: free bodies in joint coordinates without compensated sum",
+           "begin[i] + (u[i] + low[i])", "begin[i] + u[i]", (ROUNDED,)),
     Mutant("loads: work of the first moments with the wrong sign",
            "work_done = -h * h * (dot(at(a, b), f)",
            "work_done = h * h * (dot(at(a, b), f)",

@@ -51,7 +51,7 @@ MACHINES = {
     "quarter_car": Machine(
         quarter_car, 1.0, {"preserving": 2.5e-3, "gauss2": 2.5e-3, "gauss3": 5e-3}
     ),
-    "satellite": Machine(satellite, 10.0, {"preserving": 5e-3, "gauss2": 0.1, "gauss3": 0.4}),
+    "satellite": Machine(satellite, 10.0, {"preserving": 5e-3, "gauss2": 0.05, "gauss3": 0.1}),
     "cart_pole": Machine(cart_pole, 1.0, {"preserving": 0.01, "gauss2": 0.05, "gauss3": 0.05}),
     "motor_four_bar": Machine(
         motor_four_bar, 0.2, {"preserving": 2e-3, "gauss2": 5e-3, "gauss3": 8e-3}
@@ -81,9 +81,12 @@ def error(run, places, row=-1):
 def errors(name, scheme, count=3):
     """Errors at the coarsest step of a scheme and ``count`` - 1 halved ones, and the last run."""
     machine, found = MACHINES[name], []
+    # In joint coordinates a satellite's error is round-off at once, at steps in which its wheels
+    # rotate no further than these allow.
+    full = name == "satellite"
     for k in range(count):
         h = machine.steps[scheme] / 2**k
-        run = simulate(deck(name), dt=h, t_final=machine.t, scheme=scheme, error="off")
+        run = simulate(deck(name), dt=h, t_final=machine.t, scheme=scheme, full=full, error="off")
         assert run.report.status == "completed"
         found.append(error(run, known(name, machine.t)))
     return found, run

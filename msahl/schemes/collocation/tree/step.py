@@ -341,9 +341,10 @@ def _move(tree: TreeStages, state: State, frames: Frames, b: int, x: Vector) -> 
     while k < tree.tree.first[b + 1] and tree.tree.slides[k]:
         u = axpy(tree.motion.q[k, 0], at(tree.motion.axis, k), u)
         k += 1
+    begin, low = at(state.x, f), at(state.x_low, f)
     for i in range(3):
-        total = state.x[f, i] + (u[i] + state.x_low[f, i])
-        state.x_low[f, i] += u[i] - (total - state.x[f, i])
+        total = begin[i] + (u[i] + low[i])
+        state.x_low[f, i] += u[i] - (total - begin[i])
         state.x[f, i] = total
 
 
