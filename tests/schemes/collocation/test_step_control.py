@@ -264,8 +264,9 @@ def test_states_that_are_noise_cost_no_steps(tolerance, rate, load):
     model = within(chain_at_rest(rate, load), tolerance)
     report = simulate(model, dt=0.01, t_final=10.0).report
     assert report.status == "completed", report.message
-    # Some ten pairs until a step is as long as the run, and again where noise is resolved.
-    assert report.steps <= 150
+    # Some ten pairs until a step is as long as the run, and again where noise is resolved; noise
+    # refuses up to twenty, after each of which steps grow slowly. Thousands if all were resolved.
+    assert report.steps <= 200
     assert report.verdict["word"] == "PASS", report.verdict["reasons"]
 
 
