@@ -84,6 +84,7 @@ CHECKS = {
     "constraintViolationRate": "Constraints, velocity level",
     "constraintWork": "Work of the constraints",
     "initialVelocities": "Initial velocities",
+    "impacts": "Energy of impacts",
     "solver": "Solver",
     "pivotRatio": "Conditioning",
     "signals": "Signals and auxiliary states",

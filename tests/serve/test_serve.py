@@ -1,6 +1,7 @@
 """A command that a server carries out is the same as without one; see ``msahl serve``."""
 
 import json
+import contextlib
 import os
 import pty
 import re
@@ -364,6 +365,11 @@ def answering(place, *answers):
             connection.send(client.READY)
             connection.recv(1 << 20)
             connection.send(b"".join(answers))
+            # To close with something unread would break off what the client reads.
+            connection.shutdown(socket.SHUT_WR)
+            with contextlib.suppress(OSError):
+                while connection.recv(1 << 20):
+                    pass
 
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(place))
