@@ -1,7 +1,7 @@
 """A command that a server carries out is the same as without one; see ``msahl serve``."""
 
-import json
 import contextlib
+import json
 import os
 import pty
 import re
