@@ -139,8 +139,14 @@ Part: TypeAlias = tuple[str, int]
 def new_values(tape: Tape) -> Values:
     """Return the work arrays of a ``tape``, its constants set."""
     value = np.zeros(tape.constant.size + tape.inputs + tape.op.size)
-    value[: tape.constant.size] = tape.constant
-    return Values(value, np.zeros_like(value))
+    values = Values(value, np.zeros_like(value))
+    set_constants(tape, values)
+    return values
+
+
+def set_constants(tape: Tape, values: Values) -> None:
+    """Set the constants among the values of a ``tape``."""
+    values.value[: tape.constant.size] = tape.constant
 
 
 def build_tape(

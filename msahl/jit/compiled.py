@@ -9,10 +9,11 @@ differ from what ``machine_code`` extends, plain numba is used (``plain``).
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from threading import Lock
 from typing import Any
 
-from msahl.jit.arguments import Blocks, Description, describe, symbol_of
+from msahl.jit.arguments import Block, Blocks, Description, describe, symbol_of
 from msahl.jit.files import Files, source_table, user_folder, version_of
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
@@ -64,13 +65,17 @@ class Compiled:
             found = self._blocks.find(arguments)
         if found is None:
             return self._compiled_plainly(*arguments)
-        block, enter = found
-        return enter(block.address)
+        return _enter(found)
 
     def unit(self, arguments: Sequence[Any], describe: Describe = describe) -> Unit:
         """Return the function's name with the types of the ``arguments``."""
         described = tuple(describe(argument) for argument in arguments)
         return self.function.__module__, self.function.__qualname__, described
+
+    def ready(self, arguments: Sequence[Any]) -> Callable[[], Any] | None:
+        """Return the call with these ``arguments``, if a block of memory was prepared for it."""
+        found = self._blocks.find(arguments)
+        return None if found is None else partial(_enter, found)
 
     def is_ready(self, arguments: Sequence[Any]) -> bool:
         """Whether a block of memory was prepared for calls with these ``arguments``."""
@@ -92,6 +97,12 @@ class Compiled:
 
         self._plain = self._plain or plain(self.function)
         return self._plain(*arguments)
+
+
+def _enter(found: tuple[Block, Callable[..., Any]]) -> Any:
+    """Run the machine code with the arguments in a block of memory."""
+    block, enter = found
+    return enter(block.address)
 
 
 class _Stopwatch:

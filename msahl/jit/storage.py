@@ -8,6 +8,9 @@ numbers into the groups of an earlier run needs no new blocks.
 A group can be filled again if types, shapes and plain numbers are equal, and all indices in it:
 those of a topology are shared by all systems that have it, so nothing may be written into them.
 Otherwise the new group is used.
+
+Work arrays follow from the groups that they serve. They need not even be made again: they become
+what they were when they were made (``again``).
 """
 
 import math
@@ -27,6 +30,9 @@ MOST_BYTES = 64_000_000
 """Largest sum of the sizes of the arrays that ``Storages`` keeps."""
 
 
+Image = tuple[np.ndarray, np.ndarray | None]
+"""An array with what it was when it was made; None for zeros."""
+
 PLAIN_RUNS = 2
 """Runs of one storage in which kernels that are called once stay plain Python."""
 
@@ -41,6 +47,7 @@ class Storage:
     def __init__(self, constant: tuple[type, ...] = (), kind: Hashable = None) -> None:
         self.kind, self._constant = kind, constant
         self._groups: dict[Hashable, tuple[Any, ...]] = {}
+        self._made: dict[Hashable, tuple[tuple[Any, ...], list[Image]]] = {}  # parts, and the rest
         self._owned: set[int] = set()  # identities of their arrays, which live as long as they do
         self.size = 0  # bytes of all arrays
         self.runs = 0  # begun so far
@@ -58,11 +65,32 @@ class Storage:
             for array, numbers in into:
                 array[...] = numbers
             return kept  # type: ignore[no-any-return]
-        self._groups[name] = fresh
+        self._keep(name, fresh)
+        return fresh
+
+    def again(self, name: Hashable, parts: tuple[Any, ...], make: Callable[[], Group]) -> Group:
+        """Return the group of this ``name`` that an earlier run made of the very same ``parts``,
+        or a new one. All arrays but those of the parts are what they were when they were made: what
+        follows from the numbers of the parts is for the caller to set.
+        """
+        known = self._made.get(name)
+        if known is not None and _are_same(known[0], parts):
+            for array, image in known[1]:
+                array[...] = 0 if image is None else image
+            return self._groups[name]  # type: ignore[return-value]
+        group = make()
+        others = {id(one) for one in arrays_in(parts)}
+        own = {id(one): one for one in arrays_in(group) if id(one) not in others}
+        images = [(one, one.copy() if one.any() else None) for one in own.values()]
+        self._made[name] = parts, images
+        self._keep(name, group)
+        return group
+
+    def _keep(self, name: Hashable, group: tuple[Any, ...]) -> None:
+        self._groups[name] = group
         self._doubles.clear()
         arrays = {id(one): one for group in self._groups.values() for one in arrays_in(group)}
         self._owned, self.size = set(arrays), sum(one.nbytes for one in arrays.values())
-        return fresh
 
     def call(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
         """Call a ``kernel`` that a run needs once or twice, with groups of this storage: as plain
@@ -72,21 +100,27 @@ class Storage:
         if self.runs <= PLAIN_RUNS or kernel in self._slow:
             return kernel(*arguments)
         fast = compiled_once(kernel)
-        ready = not isinstance(fast, Compiled) or fast.is_ready(arguments)
-        if ready or on_disk([(fast, arguments)]):
+        if not isinstance(fast, Compiled):
+            return fast(*arguments)
+        ready = fast.ready(arguments)
+        if ready is not None:
+            return ready()
+        if on_disk([(fast, arguments)]):
             return fast(*arguments)
         self._slow.add(kernel)
         return kernel(*arguments)
 
     def doubles(self, value: Any) -> list[np.ndarray]:
-        """Return the arrays of doubles in nested tuples of groups, in order."""
+        """Return the doubles of all arrays in nested tuples of groups, in order: a flat view of
+        each array.
+        """
         if not isinstance(value, tuple):
-            return doubles_in((value,))
+            return _flat((value,))
         if not hasattr(value, "_fields"):
             return [array for part in value for array in self.doubles(part)]
         found = self._doubles.get(id(value))
         if found is None:
-            found = self._doubles[id(value)] = value, doubles_in(value)
+            found = self._doubles[id(value)] = value, _flat(value)
         return found[1]
 
     def _fits(
@@ -118,14 +152,29 @@ class Storage:
         return True
 
 
+def _are_same(known: Any, given: Any) -> bool:
+    """Return whether nested tuples have the very same arrays, and equal plain numbers."""
+    if known is given:
+        return True
+    if isinstance(given, np.ndarray) or type(known) is not type(given):
+        return False
+    if not isinstance(given, tuple):
+        return _same_number(known, given)
+    return len(known) == len(given) and all(map(_are_same, known, given))
+
+
 def _same_form(kept: Any, fresh: np.ndarray) -> bool:
     return (
         isinstance(kept, np.ndarray)
         and kept.shape == fresh.shape
         and kept.dtype == fresh.dtype
-        and kept.flags.c_contiguous == fresh.flags.c_contiguous
-        and kept.flags.f_contiguous == fresh.flags.f_contiguous
+        and (kept.strides == fresh.strides or _order_of(kept) == _order_of(fresh))
     )
+
+
+def _order_of(array: np.ndarray) -> tuple[bool, bool]:
+    """Return in which orders its numbers lie in memory without gaps."""
+    return array.flags.c_contiguous, array.flags.f_contiguous
 
 
 def _same_number(kept: Any, fresh: Any) -> bool:
@@ -135,6 +184,18 @@ def _same_number(kept: Any, fresh: Any) -> bool:
     if isinstance(fresh, float) and kept == fresh == 0.0:
         return math.copysign(1.0, kept) == math.copysign(1.0, fresh)
     return bool(kept == fresh)
+
+
+def _flat(value: Any) -> list[np.ndarray]:
+    """Return flat views of the arrays of doubles in nested tuples; numbers of an array that is not
+    in the order of its rows come in the order in which they are in memory.
+    """
+    flat = []
+    for array in doubles_in(value):
+        rows = array if array.flags.c_contiguous else array.T
+        assert rows.flags.c_contiguous, "the flat form of other arrays would be a copy"
+        flat.append(rows.reshape(-1))
+    return flat
 
 
 def arrays_in(value: Any) -> Iterator[np.ndarray]:

@@ -5,6 +5,8 @@
 the program reads ``RunSettings`` and does not decode ``Simulation`` itself.
 """
 
+from functools import lru_cache
+
 from msahl.model.scheme import (
     AUTO,
     AUTO_FAMILY,
@@ -139,6 +141,7 @@ class RunSettings:
         return tuple(range(1, self.degree + 1)) if self.scheme == AUTO else (self.degree,)
 
 
+@lru_cache(64)
 def resolve(simulation: Simulation, options: Options = Options()) -> RunSettings:
     """Settings of the run that ``simulation`` and ``options`` ask for."""
     family = AUTO_FAMILY if simulation.scheme == AUTO else simulation.scheme

@@ -1,7 +1,7 @@
 """Output of a run: which rows a chunk of steps has to fill, and the tables that go to the sink."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,10 +35,10 @@ class OutputTimes:
     chunk: int
 
     @classmethod
-    def of(cls, model: Model, every: int) -> "OutputTimes":
-        """The output times of the ``model``'s run."""
+    def of(cls, model: Model, every: int, widths: Mapping[str, int]) -> "OutputTimes":
+        """The output times of the ``model``'s run, with the ``widths`` of its tables."""
         grid, shown = TimeGrid.of_steps(model.simulation), TimeGrid.of_output(model.simulation)
-        numbers = sum(column_counts(model).values())
+        numbers = sum(widths.values())
         of_step = math.ceil(grid.h / shown.h) + 1
         rows = max(grid.n, shown.n) + 1
         chunk = max(of_step, min(MAX_CHUNK, rows, CHUNK_NUMBERS // numbers))
@@ -86,9 +86,14 @@ class OutputTimes:
 class TableAssembly:
     """Combines the rows of all subsystems into the tables of the complete ``model``."""
 
-    def __init__(self, model: Model, integrators: Sequence[SubsystemIntegrator]) -> None:
+    def __init__(
+        self,
+        model: Model,
+        integrators: Sequence[SubsystemIntegrator],
+        widths: Mapping[str, int] | None = None,
+    ) -> None:
         self.integrators = integrators
-        self.widths = column_counts(model)
+        self.widths = column_counts(model) if widths is None else widths
         self.places: list[dict[str, Columns]] = [dict.fromkeys(COLUMNS, ALL)]
         if len(integrators) > 1:
             columns = {name: columns_of(model) for name, columns_of in COLUMNS.items()}

@@ -2,6 +2,7 @@
 
 import time
 
+from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call
 from msahl.jit.storage import Storages
 from msahl.model import Model, RunSettings
@@ -17,12 +18,15 @@ from msahl.run.output import OutputTimes, TableAssembly
 from msahl.run.report import Report
 from msahl.run.step_plan import ControlledSteps, GivenSteps, StepPlan
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.tables import needs_accelerations
+from msahl.run.tables import column_counts, needs_accelerations
 from msahl.system.arrays import System
+from msahl.system.cut import Cut
 from msahl.system.subsystems import split
 from msahl.system.unknowns import Unknowns
 
-STORAGES = Storages((System, Unknowns))
+CONSTANT = (System, Unknowns, Tree, Cut)
+"""Groups of which only numbers differ from run to run."""
+STORAGES = Storages(CONSTANT)
 """Arrays of the runs of this process that have ended."""
 
 
@@ -68,7 +72,8 @@ def build_setup(
     """Build the parts of a run; raises ``StartError`` if there is no consistent start. Where errors
     are estimated, that by the mesh is, too, if there is a ``finer`` one.
     """
-    began, output = time.perf_counter(), OutputTimes.of(model, settings.every)
+    began, widths = time.perf_counter(), column_counts(model)
+    output = OutputTimes.of(model, settings.every, widths)
     # With step-size control all subsystems take the same steps: their local errors are added up.
     together = settings.full or settings.adaptive
     integrators = [
@@ -83,7 +88,7 @@ def build_setup(
         )
         for subsystem in ([model] if together else split(model))
     ]
-    tables = TableAssembly(model, integrators)
+    tables = TableAssembly(model, integrators, widths)
     tolerance = settings.local_tolerance
     plan: StepPlan = GivenSteps(output) if tolerance is None else ControlledSteps(output, tolerance)
     estimate = mesh = None

@@ -65,7 +65,7 @@ def copy_memory(
     """(m,) a copy of all doubles that the subsystems' next steps depend on, in ``memory`` if it has
     that size; those of another degree have not.
     """
-    arrays = [array.ravel() for array in _changing(integrators)]
+    arrays = list(_changing(integrators))
     fits = memory is not None and memory.size == sum(array.size for array in arrays)
     return np.concatenate(arrays, out=memory if fits else None)
 
@@ -74,7 +74,7 @@ def restore_memory(integrators: Sequence[SubsystemIntegrator], memory: np.ndarra
     """Restore what ``copy_memory`` copied from the same subsystems."""
     first = 0
     for array in _changing(integrators):
-        array[:] = memory[first : first + array.size].reshape(array.shape)
+        array[:] = memory[first : first + array.size]
         first += array.size
 
 
@@ -127,7 +127,9 @@ def _leaves(value: Any) -> Iterator[Any]:
 
 
 def _changing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray]:
-    """The arrays that change from step to step and that the next step reads: all are doubles."""
+    """Flat views of the arrays that change from step to step and that the next step reads: all are
+    doubles.
+    """
     for integrator in integrators:
         yield from integrator.changing
         yield from integrator.storage.doubles(integrator.stepper.memory)

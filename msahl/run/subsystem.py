@@ -112,11 +112,11 @@ class SubsystemIntegrator:
         """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
+        work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)
         if self.moved is None:
-            close_rounded(system, state)
+            close_rounded(system, state, work_arrays)
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
-        work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)
         at_rest: np.ndarray | None = jacobian_at_rest(system, state, work_arrays)
         self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
@@ -142,10 +142,16 @@ class SubsystemIntegrator:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
+        name = self.axis, id(unknowns)
+        system = self.storage.place(("reduced system", *name), system)
         state = state._replace(held=forces.held_switches(system.forces))
-        fresh = new_workspace(system, unknowns, state, chunk, accelerations)
-        name = ("workspace", self.axis, id(unknowns))
-        self.workspace: Workspace = self.storage.place(name, fresh)
+        state = self.storage.place(("reduced state", *name), state)
+        self.workspace: Workspace = self.storage.again(
+            ("workspace", *name),
+            (system, unknowns, state),
+            lambda: new_workspace(system, unknowns, state, chunk, accelerations),
+        )
+        workspace.set_numbers(self.workspace)
         _prepare(
             self.workspace.system, self.workspace.state, self.workspace.start, work_arrays.call
         )
@@ -206,7 +212,9 @@ class SubsystemIntegrator:
 
     @cached_property
     def changing(self) -> list[np.ndarray]:
-        """The arrays of doubles, but for those of the stepper, that change from step to step."""
+        """Flat views of the arrays of doubles, but for those of the stepper, that change from step
+        to step.
+        """
         workspace = self.workspace
         return self.storage.doubles((workspace.state, workspace.start, workspace.pivots))
 
@@ -222,13 +230,20 @@ class SubsystemIntegrator:
         """Fill the first rows of monitor and tables with the state at t = 0."""
         self.workspace.mean_force[:] = self.workspace.state.force
         self.workspace.mean_reaction[:] = self.workspace.state.reaction
-        by_size(workspace.record_step, self.size)(self.workspace, 0.0, 0, 0)
+        self._call(workspace.record_step, self.workspace, 0.0, 0, 0)
         table = self.workspace.tables.accelerations
         if table.shape[1]:
             state, start = self.workspace.state, self.workspace.start
-            write = by_size(write_accelerations, self.size)
             bodies = self.workspace.system.bodies
-            write(bodies, start.frames, state.w, state.a, state.alpha, table, 0)
+            motion = start.frames, state.w, state.a, state.alpha
+            self._call(write_accelerations, bodies, *motion, table, 0)
+
+    def _call(self, kernel: Callable[..., Any], *arguments: Any) -> None:
+        """Call a kernel that a run needs once."""
+        if self.size < LARGE:
+            self.storage.call(kernel, *arguments)
+        else:
+            by_size(kernel, self.size)(*arguments)
 
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; see ``Stepper.advance``."""

@@ -23,13 +23,13 @@ from msahl.formulations.absolute.frames import (
     moving_count,
     rotation_increment,
 )
-from msahl.jit.by_size import by_size
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, new_system_workspace, node_count
+from msahl.system.arrays import State, System, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import set_strains
 from msahl.system.unknowns import choose
+from msahl.system.work_arrays import WorkArrays, new_work_arrays
 
 MAX_ITERATIONS = 50
 CLOSED = 1e-13
@@ -77,11 +77,11 @@ def assemble(system: System, state: State) -> Assembled:
     return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[:n], np.array(rotations))
 
 
-def close_rounded(system: System, state: State) -> None:
+def close_rounded(system: System, state: State, work_arrays: WorkArrays) -> None:
     """Close joints that are open by rounded numbers alone; others, and those that cannot be closed,
     stay as they are.
     """
-    given, length = _largest_violation(system, state), _length(system, state)
+    given, length = _largest_violation(system, state, work_arrays), _length(system, state)
     if not CLOSED * length < given <= ROUNDED * length:
         return
     x, p = state.x.copy(), state.p.copy()
@@ -97,19 +97,22 @@ def _length(system: System, state: State) -> float:
     return max(float(system.frames.length.max()), float(np.abs(state.x).max()))
 
 
-def _violations(system: System, state: State) -> np.ndarray:
+def _violations(system: System, state: State, work_arrays: WorkArrays | None = None) -> np.ndarray:
     """(k, 3) constraint violations [m], those in radians times a length."""
-    start, size = new_system_workspace(system, state), moving_count(system.frames)
-    by_size(evaluate.prepare, size)(system, state, start)
+    start, _, call = work_arrays or new_work_arrays(system, state)
+    call(evaluate.prepare, system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    by_size(evaluate.observe, size)(system, state, start, violation, rate)
+    call(evaluate.observe, system, state, start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
     instant.in_metres(system.beams, violation, rate)
     return violation
 
 
-def _largest_violation(system: System, state: State) -> float:
-    return float(np.linalg.norm(_violations(system, state), axis=1).max(initial=0.0))
+def _largest_violation(
+    system: System, state: State, work_arrays: WorkArrays | None = None
+) -> float:
+    violations = _violations(system, state, work_arrays)
+    return float(np.linalg.norm(violations, axis=1).max(initial=0.0))
 
 
 def _rotation(p0: tuple[float, float, float], p1: tuple[float, float, float]) -> float:

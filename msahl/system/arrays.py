@@ -17,6 +17,7 @@ from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, Coord
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.reactions import Reactions, Shown
+from msahl.expressions.tape import set_constants
 from msahl.formulations.absolute.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.formulations.absolute.rigid_body import (
     ACCELERATION_SIZE,
@@ -183,6 +184,18 @@ def new_system_workspace(system: System, state: State) -> SystemWorkspace:
         ),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
+
+
+def set_numbers(system: System, start: SystemWorkspace) -> None:
+    """Set what a new workspace has of the numbers of its system."""
+    if system.forces.signals is not None:
+        set_constants(system.forces.signals.tape, start.forces.signals.values)
+
+
+def copy_state(state: State, into: State) -> None:
+    """Copy a state into another one of the same system."""
+    for array, numbers in zip(into, state, strict=True):
+        array[...] = numbers
 
 
 def new_tables(system: System, state: State, rows: int, accelerations: bool = False) -> Tables:

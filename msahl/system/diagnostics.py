@@ -60,7 +60,7 @@ def new_monitor(state: State, steps: int) -> Monitor:
     """Return a monitor for ``steps`` steps."""
     return Monitor(
         rows=np.zeros((steps, STOP + 1)),
-        began=state.x.copy(),
+        began=np.zeros_like(state.x),
         violation=np.zeros_like(state.violation),
         rate=np.zeros_like(state.violation),
     )

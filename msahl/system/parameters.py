@@ -34,6 +34,8 @@ from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
 from msahl.system.topology import Indices, Topology, all_products
 
+DIAGONAL = np.array([0, 4, 8])
+"""Places of the diagonal in a block of 3 x 3."""
 RELAXATION = 1e-9
 """Put on the multipliers' diagonal where joints are redundant: large against round-off, and so
 small against the dimensionless compliances of joints that Newton's method hardly notices."""
@@ -121,8 +123,7 @@ def _constant(topology: Topology, frames: Frames, coincide: Coincide) -> np.ndar
     values = np.zeros(topology.pattern.size)
 
     def put(starts: np.ndarray, numbers: np.ndarray | float) -> None:
-        places = starts[:, None] + np.array([0, 4, 8])
-        values[places] = np.broadcast_to(np.reshape(numbers, (-1, 1)), places.shape)
+        values[starts[:, None] + DIAGONAL] = np.reshape(numbers, (-1, 1))
 
     put(topology.unit_blocks, 1.0)
     for side, (sign, frame) in enumerate(((-1.0, coincide.a), (1.0, coincide.b))):

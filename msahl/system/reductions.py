@@ -14,6 +14,8 @@ What is not solved for must not depend on itself. The components that a planar s
 are therefore zero, not small: every velocity and every guess passes through ``frames.restrict``.
 """
 
+from functools import cache
+
 import numpy as np
 
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
@@ -64,6 +66,8 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
 
 def _is_zero(part: np.ndarray, vectors: np.ndarray) -> bool:
     """Whether ``part`` (n, k) is nothing but round-off of ``vectors`` (n, m)."""
+    if not part.any() and np.isfinite(vectors).all():
+        return True
     return bool(np.all(np.abs(part) <= ROUND_OFF * np.linalg.norm(vectors, axis=1)[:, None]))
 
 
@@ -125,8 +129,13 @@ def _held(group: Coordinates, products: ProductsWorkspace, axis: int) -> np.ndar
 
 def stay_in_plane(system: System, axis: int) -> System:
     """Return the system with every motion out of the plane across ``axis`` set to zero."""
-    moves = np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
-    return system._replace(frames=system.frames._replace(moves=moves))
+    return system._replace(frames=system.frames._replace(moves=_moves_in_plane(axis)))
+
+
+@cache
+def _moves_in_plane(axis: int) -> np.ndarray:
+    """(2, 3) which components are not zero, see ``Frames.moves``; all systems share it."""
+    return np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
 
 
 def drop_rows(system: System, held: np.ndarray) -> System:

@@ -12,7 +12,14 @@ from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.jit.storage import Storage
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+from msahl.system.arrays import (
+    State,
+    System,
+    SystemWorkspace,
+    new_system_workspace,
+    node_count,
+    set_numbers,
+)
 
 
 class WorkArrays(NamedTuple):
@@ -25,12 +32,19 @@ class WorkArrays(NamedTuple):
 
 def new_work_arrays(system: System, state: State, storage: Storage | None = None) -> WorkArrays:
     """Return the work arrays for a ``state``, from ``storage`` if that is given."""
-    start = new_system_workspace(system, state)
-    rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
-    size = moving_count(system.frames)
     if storage is None:
-        return WorkArrays(start, rest, lambda kernel, *given: by_size(kernel, size)(*given))
-    return WorkArrays(storage.place("start", start), storage.place("rest", rest), storage.call)
+        size = moving_count(system.frames)
+        made = _start_and_rest(system, state)
+        return WorkArrays(*made, lambda kernel, *given: by_size(kernel, size)(*given))
+    made = storage.again("start", (system, state), lambda: _start_and_rest(system, state))
+    set_numbers(system, made[0])
+    return WorkArrays(*made, storage.call)
+
+
+def _start_and_rest(system: System, state: State) -> tuple[SystemWorkspace, State]:
+    """Return ``start`` and ``rest`` of work arrays."""
+    rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
+    return new_system_workspace(system, state), rest
 
 
 def jacobian_at_rest(

@@ -45,7 +45,7 @@ def forget(monkeypatch):
     """A function after which nothing is known of earlier runs."""
 
     def forget():
-        monkeypatch.setattr(setup, "STORAGES", Storages((System, Unknowns)))
+        monkeypatch.setattr(setup, "STORAGES", Storages(setup.CONSTANT))
         monkeypatch.setattr(build, "_TOPOLOGIES", Recent(32))
         monkeypatch.setattr(unknowns, "_ORDERS", Recent(32))
         monkeypatch.setattr(unknowns, "_CHOSEN", Recent(64))
@@ -198,3 +198,30 @@ def test_storages_drop_what_was_used_first(monkeypatch):
         storages.give_back(storage)
     assert storages.take("first").size == 0
     assert storages.take("second").size == 64
+
+
+def test_work_arrays_are_taken_back_to_what_they_were():
+    storage, made = Storage(), []
+    part = storage.place("part", (np.ones(2), 1.5))
+
+    def make():
+        made.append(1)
+        return part, np.zeros(3), np.array([1.0, 2.0]), np.zeros(1, dtype=np.int64)
+
+    group = storage.again("work", (part,), make)
+    for array in (part[0], *group[1:]):
+        array += 7
+    assert storage.again("work", (part,), make) is group
+    assert [array.tolist() for array in group[1:]] == [[0.0, 0.0, 0.0], [1.0, 2.0], [0]]
+    assert part[0].tolist() == [8.0, 8.0]  # the part's own numbers stay
+    assert storage.again("work", ((part[0], 1.5),), make) is group
+    for others in ((part[0].copy(), 1.5), (part[0], 2.5)):
+        assert storage.again("work", (others,), make) is not group
+    assert len(made) == 3
+
+
+def test_doubles_are_views_in_every_order_of_memory():
+    rows, columns = np.arange(6.0).reshape(2, 3), np.asfortranarray(np.arange(4.0).reshape(2, 2))
+    for flat, array in zip(Storage().doubles((rows, columns)), (rows, columns), strict=True):
+        assert np.shares_memory(flat, array)
+        assert flat.shape == (array.size,)

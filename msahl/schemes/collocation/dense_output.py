@@ -59,8 +59,8 @@ from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.common.workspace import write_row as write_state
-from msahl.system import evaluate
-from msahl.system.arrays import State, new_system_workspace
+from msahl.system import arrays, evaluate
+from msahl.system.arrays import State, copy_state, new_system_workspace
 
 ENDS = 6
 """Conditions at the ends of a step: position, velocity and acceleration at both."""
@@ -124,7 +124,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     that ``decays`` takes is spread evenly over its step.
     """
     state, of_frames = workspace.state, first_multiplier(workspace.system.frames)
-    own = State(*(array.copy() for array in state))
+    own = State(*map(np.zeros_like, state))
     most = levels(order)
     conditions = ENDS + 2 * most
     basis, nodes = _polynomials(most)
@@ -134,7 +134,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     gauss, weight = _gauss((order + 1) // 2)
     if has_states:
         gauss, weight = radau_nodes(order // 2 + 1), of_states.integral[-1].copy()
-    return DenseOutput(
+    output = DenseOutput(
         workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
         begin=new_step_end(state),
         end=new_step_end(state),
@@ -150,6 +150,14 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         signals=new_stages(group, of_states),
         scheme_work=state.work.size - 1 if decays else -1,
     )
+    set_numbers(output, workspace)
+    return output
+
+
+def set_numbers(output: DenseOutput, workspace: Workspace) -> None:
+    """Set what new arrays have of the numbers of the ``workspace``, and of its state."""
+    copy_state(workspace.state, output.workspace.state)
+    arrays.set_numbers(workspace.system, output.workspace.start)
 
 
 def new_step_end(state: State) -> StepEnd:

@@ -8,7 +8,8 @@ balance.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
 from msahl.schemes.collocation.tree_step import TreeStages, new_tree_stages
 from msahl.schemes.collocation.workspace import StageArrays, new_stage_arrays, set_node
+from msahl.schemes.collocation.workspace import set_numbers as set_stages
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant, new_instant
 from msahl.schemes.common.criteria import AT_REST, DIVERGED, MAX_ITERATIONS, STUCK, is_implausible
@@ -87,10 +89,6 @@ def new_collocation_workspace(
     stages = new_stage_arrays(
         workspace.system, workspace.unknowns, workspace.state, new_tableau(scheme, degree)
     )
-    violation, rate = workspace.monitor.violation, workspace.monitor.rate
-    stages.first_energy[0] = energy_balance(
-        workspace.system, workspace.state, workspace.start, violation, rate
-    )
     return CollocationWorkspace(
         workspace=workspace,
         pressed=pressed_by_reactions(workspace.system.forces),
@@ -106,6 +104,18 @@ def new_collocation_workspace(
         outcome=np.zeros(2),
         tree=tree and new_tree_stages(*tree, workspace.system, stages.tableau),
     )
+
+
+def set_numbers(subsystem: CollocationWorkspace, call: Callable[..., Any]) -> None:
+    """Set what new arrays have of the numbers of the system and of its prepared state; ``call``
+    calls kernels.
+    """
+    workspace, stages = subsystem.workspace, subsystem.stages
+    system, state, monitor = workspace.system, workspace.state, workspace.monitor
+    set_stages(system, state, stages)
+    dense_output.set_numbers(subsystem.dense_output, workspace)
+    given = system, state, workspace.start, monitor.violation, monitor.rate
+    stages.first_energy[0] = call(energy_balance, *given)
 
 
 @kernel

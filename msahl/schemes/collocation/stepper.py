@@ -58,8 +58,9 @@ class CollocationMethod:
         storage: Storage | None = None,
         tree: tuple[Tree, Cut | None] | None = None,
     ) -> None:
-        self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
+        self.workspace, self.scheme, self.span = workspace, scheme, span
         self.storage = Storage() if storage is None else storage
+        self.tree = tree and self.storage.place("tree", tree)
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
         self.set_degree(degree)
@@ -118,11 +119,21 @@ class CollocationMethod:
         """See ``StepMethod``; steps in joint coordinates are tried again at once."""
         self.degree = degree
         if degree not in self.by_degree:
-            fresh = new_collocation_workspace(self.workspace, self.scheme, degree, self.tree)
-            self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
+            self.by_degree[degree] = self._new_arrays(degree)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
         newton.reset_prediction(self.subsystem)
+
+    def _new_arrays(self, degree: int) -> CollocationWorkspace:
+        """The arrays for steps of a ``degree`` from the present state."""
+        workspace, scheme, tree = self.workspace, self.scheme, self.tree
+        subsystem = self.storage.again(
+            (scheme, degree),
+            (workspace, tree),
+            lambda: new_collocation_workspace(workspace, scheme, degree, tree),
+        )
+        newton.set_numbers(subsystem, self.storage.call)
+        return subsystem
 
     @property
     def work(self) -> float:

@@ -157,11 +157,14 @@ def state_nodes(tableau: Tableau) -> StateNodes:
     """Where auxiliary states are collocated: at Radau's nodes, which damp what is faster than the
     step; one more than a scheme of order 2s has force nodes, so that the order is kept.
     """
-    forces = tableau.force_time
-    s = forces.size
-    if tableau.decays:
-        return at_radau_nodes(s)
-    nodes = radau_nodes(s + 1)
+    s = tableau.force_time.size
+    return at_radau_nodes(s) if tableau.decays else _at_more_nodes(s)
+
+
+@cache
+def _at_more_nodes(s: int) -> StateNodes:
+    """For the s force nodes of ``gauss``."""
+    forces, nodes = new_tableau("gauss", s).force_time, radau_nodes(s + 1)
     spread, mean = lagrange(np.append(0.0, forces), nodes), lagrange(nodes, forces)
     return StateNodes(lagrange(nodes, nodes, -1), spread, mean)
 

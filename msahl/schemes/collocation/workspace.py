@@ -37,8 +37,15 @@ from msahl.formulations.absolute.frames import (
 from msahl.jit.kernel import kernel, unit
 from msahl.ports import forces
 from msahl.schemes.collocation.tableau import Tableau, state_nodes
-from msahl.system import evaluate
-from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+from msahl.system import arrays, evaluate
+from msahl.system.arrays import (
+    State,
+    System,
+    SystemWorkspace,
+    copy_state,
+    new_system_workspace,
+    node_count,
+)
 from msahl.system.unknowns import Unknowns
 
 BODY, FORCE, VIOLATION, MULTIPLIER = range(4)
@@ -107,13 +114,14 @@ def new_stage_arrays(
     """Return the arrays for steps by ``tableau`` from ``state``."""
     degree = tableau.force_weight.size
     entries = _jacobian_entries(system, unknowns)
-    return StageArrays(
+    stages = StageArrays(
         tableau=tableau,
         gravity_only=system.scalar is None
         and system.beams is None
         and not forces.acts_at_points(system.forces)
         and system.forces.signals is None,
-        inverse_inertia=np.linalg.inv(system.bodies.inertia),
+        linear=np.zeros_like(system.constant),
+        inverse_inertia=np.zeros_like(system.bodies.inertia),
         work=np.zeros_like(state.work),
         values=np.zeros((entries["needed"].size, degree, degree)),
         momentum_slopes=np.zeros((6, 3, 3)),
@@ -125,27 +133,42 @@ def new_stage_arrays(
         **_step_arrays(system, state, degree),
         first_energy=np.zeros(1),
     )
+    set_numbers(system, state, stages)
+    return stages
+
+
+def set_numbers(system: System, state: State, stages: StageArrays) -> None:
+    """Set what new arrays have of the numbers of the ``system`` and of its ``state``."""
+    # Accelerations by multipliers have the opposite sign of a step's equations by its unknowns.
+    kind = _block_kinds(system)
+    sign = np.select([kind == BODY, kind == VIOLATION], [0.0, 1.0], -1.0)
+    stages.linear[:] = np.repeat(sign, 9) * system.constant
+    stages.inverse_inertia[:] = np.linalg.inv(system.bodies.inertia)
+    copy_state(state, stages.state)
+    arrays.set_numbers(system, stages.start)
 
 
 def _jacobian_entries(system: System, unknowns: Unknowns) -> dict[str, Any]:
     """Return the entries of the Jacobian that are needed, and what they belong to."""
-    of_body = system.blocks < first_multiplier(system.frames)
-    kind = np.select(
-        [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, VIOLATION], MULTIPLIER
-    )
+    kind = _block_kinds(system)
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     slot = np.full(system.constant.size, -1)
     slot[needed] = np.arange(needed.size)
-    # Accelerations by multipliers have the opposite sign of a step's equations by its unknowns.
-    sign = np.select([kind == BODY, kind == VIOLATION], [0.0, 1.0], -1.0)
     return {
-        "linear": np.repeat(sign, 9) * system.constant,
         "needed": needed,
         "block_kind": kind[needed // 9],
         "is_rate_row": _rate_rows(system)[needed],
         "slot": slot,
         "source": slot[unknowns.elimination.source],
     }
+
+
+def _block_kinds(system: System) -> np.ndarray:
+    """(m,) kind of each block of the Jacobian."""
+    of_body = system.blocks < first_multiplier(system.frames)
+    return np.select(
+        [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, VIOLATION], MULTIPLIER
+    )
 
 
 def _node_arrays(system: System, state: State) -> dict[str, Any]:

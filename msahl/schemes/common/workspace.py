@@ -10,6 +10,7 @@ from msahl.formulations.absolute import rigid_body
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg.elimination import new_factor
 from msahl.ports import forces
+from msahl.system import arrays
 from msahl.system.arrays import (
     State,
     System,
@@ -51,7 +52,7 @@ def new_workspace(
     if they are wanted.
     """
     nodes = (node_count(system), 3)
-    return Workspace(
+    workspace = Workspace(
         system=system,
         unknowns=unknowns,
         state=state,
@@ -69,6 +70,14 @@ def new_workspace(
         tables=new_tables(system, state, chunk, accelerations),
         monitor=new_monitor(state, chunk),
     )
+    set_numbers(workspace)
+    return workspace
+
+
+def set_numbers(workspace: Workspace) -> None:
+    """Set what new arrays have of the numbers of the system and of its state."""
+    workspace.monitor.began[:] = workspace.state.x
+    arrays.set_numbers(workspace.system, workspace.start)
 
 
 @apart

@@ -42,8 +42,11 @@ class MidpointMethod:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
-            instant = new_instant(workspace.system, publishes_reactions=instantaneous)
-            self.instant = storage.place("instant", instant)
+            self.instant = storage.again(
+                ("instant", instantaneous),
+                (workspace.system,),
+                lambda: new_instant(workspace.system, publishes_reactions=instantaneous),
+            )
         self.detection = _new_detection(workspace, span, storage)
 
     @property
@@ -141,10 +144,15 @@ def _new_detection(workspace: Workspace, span: Span, storage: Storage) -> "Detec
     margins = build_margins(workspace.system, order=2, span=span)
     if margins is None:
         return None
-    from msahl.schemes.collocation.dense_output import new_dense_output
+    from msahl.schemes.collocation.dense_output import new_dense_output, set_numbers
     from msahl.schemes.detection import Detection
 
-    output = storage.place("dense output", new_dense_output(workspace, order=2, decays=False))
+    output = storage.again(
+        "dense output",
+        (workspace,),
+        lambda: new_dense_output(workspace, order=2, decays=False),
+    )
+    set_numbers(output, workspace)
     return Detection(margins, workspace, output, None, storage)
 
 
