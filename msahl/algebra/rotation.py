@@ -19,6 +19,7 @@ Nonlinear Dynamics 32 (2003), with nu = 1/(1 - p.p/16).
 
 import math
 
+from msahl.algebra.many import hypot, remainder, tan
 from msahl.algebra.vector import Matrix, Vector, add, axpy, cross, dot, scale
 from msahl.jit.kernel import kernel
 
@@ -126,9 +127,9 @@ def rotation_tangent(Q: Vector) -> Matrix:
 
 def from_axis_angle(axis: Vector, phi: float) -> Vector:
     """Return the rescaled parameters of the rotation by ``phi`` [rad] about ``axis``, not zero."""
-    length = math.hypot(*axis)
-    angle = math.remainder(phi, 2.0 * math.pi)
-    return scale(4.0 * math.tan(0.25 * angle) / length, axis)
+    length = hypot(*axis)
+    angle = remainder(phi, 2.0 * math.pi)
+    return scale(4.0 * tan(0.25 * angle) / length, axis)
 
 
 def to_axis_angle(p: Vector) -> tuple[Vector, float]:

@@ -1,9 +1,9 @@
 """Batches: one model at many samples of its numbers, in as many processes as there are cores.
 
-Models that differ in numbers only share all that follows from their connections, and the memory of
-their runs (``msahl.jit.storage``), so a run costs little beside its time loop. What it costs is
-Python, of which a process runs one thread at a time: two thirds of a short run of a small model. So
-each worker is a process.
+Models that differ in numbers only are read at once (``msahl.algebra.many``), and share all that
+follows from their connections, and the memory of their runs (``msahl.jit.storage``). The rest of a
+run beside its time loop is Python, of which a process runs one thread at a time: most of a short
+run of a small model. So each worker is a process.
 """
 
 import sys
@@ -21,7 +21,7 @@ from msahl.api.model import Model, Value
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
 from msahl.api.running import at_start
-from msahl.api.worker import EndedError, Outcome, outcome_of, receive, send
+from msahl.api.worker import EndedError, Outcome, outcomes_of, receive, send
 from msahl.jit.compiled import prepare
 from msahl.results.job import Job
 from msahl.run.options import Choice, OptionError
@@ -41,8 +41,10 @@ WORTH = 2.0
 """Seconds of runs still to be made, in processes' starts, from which processes are started."""
 TRIED = 8
 """Most runs after which it is decided whether to start processes."""
-CHUNK_SECONDS, MOST_SAMPLES = 0.05, 64
+CHUNK_SECONDS, MOST_SAMPLES = 0.1, 64
 """Time of the runs that a process is sent at once, and their largest number."""
+READ_AT_ONCE = 32
+"""Samples that are read at once where they are run in this process."""
 AHEAD = 3
 """Chunks in progress for each process: it never waits, and memory is bounded."""
 PIPE = 1 << 20
@@ -175,23 +177,23 @@ class _Runs:
                 if not found:
                     return
                 began = time.perf_counter()
-                outcome = self._run_here(found[0])
+                (outcome,) = self._run_here(found)
                 run_time = time.perf_counter() - began
                 left = left and left - 1
                 yield found[0], outcome
                 if run_time > TRIED * START_SECONDS:
                     break
         if jobs == 1:
-            for sample in source:
-                yield sample, self._run_here(sample)
+            while samples := list(islice(source, READ_AT_ONCE)):
+                yield from zip(samples, self._run_here(samples), strict=True)
             return
         first = list(islice(source, 1))
         if first:
             jobs = min(jobs, cores(), left or jobs)
             yield from self._in_processes(chain(first, source), jobs, run_time)
 
-    def _run_here(self, sample: Sample) -> Outcome:
-        return outcome_of(self.model, sample, self.options, self.tables)
+    def _run_here(self, samples: list[Sample]) -> Iterator[Outcome]:
+        return outcomes_of(self.model, samples, self.options, self.tables)
 
     def _in_processes(
         self, samples: Iterator[Sample], jobs: int, run_time: float

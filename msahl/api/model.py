@@ -86,9 +86,7 @@ class Model:
             raise OptionError([f"changes: it is {changes!r:.200}; it must be numbers by name"])
         self._deck = model
         self.changes: dict[str, Value] = dict(changes or {})
-        self._settings = tuple(
-            f"{name}={_shown(name, value)}" for name, value in self.changes.items()
-        )
+        self._settings = _settings_of(self.changes)
         self.records: Records = model.model(self._settings)
 
     def with_(self, **changes: Value) -> "Model":
@@ -330,6 +328,28 @@ class Model:
         return html_table(self.title or "model", rows)
 
 
+def read_together(model: Model, samples: Sequence[Mapping[str, Value]]) -> list[Model] | None:
+    """Return what ``model.with_`` returns for each of ``samples``, in less time; None if they have
+    to be read one by one: if one has a fault, or if they differ in more than numbers.
+    """
+    if len({tuple(sample) for sample in samples}) != 1:
+        return None
+    changes = [{**model.changes, **sample} for sample in samples]
+    try:
+        settings = list(map(_settings_of, changes))
+    except OptionError:
+        return None
+    records = model._deck.models(settings)
+    if records is None:
+        return None
+    found = []
+    for own in zip(changes, settings, records, strict=True):
+        one = Model.__new__(Model)
+        one._deck, (one.changes, one._settings, one.records) = model._deck, own
+        found.append(one)
+    return found
+
+
 def _listed(names: str | Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
@@ -346,6 +366,11 @@ def _require_modes(at: float | str, number: int | None, near: float, method: str
 def _restored(source: Source, changes: dict[str, Value]) -> Model:
     """Return the model that was sent by another process."""
     return Model(ParsedDeck(source), changes)
+
+
+def _settings_of(changes: Mapping[str, Value]) -> tuple[str, ...]:
+    """Return the settings that make changes; raises ``OptionError`` as ``_shown`` does."""
+    return tuple(f"{name}={_shown(name, value)}" for name, value in changes.items())
 
 
 def _shown(name: str, value: Value) -> str:

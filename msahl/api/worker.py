@@ -7,7 +7,8 @@ program and the pipe between them is open to nobody else.
 import pickle
 import struct
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import IO, TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -58,20 +59,37 @@ def _read(stream: IO[bytes], size: int) -> bytearray:
     return data
 
 
-def outcome_of(
+def outcomes_of(
     model: "Model",
-    changes: "Mapping[str, Value]",
+    samples: "Sequence[Mapping[str, Value]]",
     options: Mapping[str, Any],
     tables: Sequence[str] | None,
+) -> Iterator[Outcome]:
+    """Run a ``model`` with the numbers of each of ``samples``, which are read at once if they can
+    be; the exceptions of a user's mistake are yielded in place of outcomes.
+    """
+    from msahl.api.model import read_together
+
+    models = read_together(model, samples) if len(samples) > 1 else None
+
+    def read(k: int) -> "Model":
+        return model.with_(**samples[k]) if models is None else models[k]
+
+    for k in range(len(samples)):
+        yield _outcome_of(partial(read, k), options, tables)
+
+
+def _outcome_of(
+    read: "Callable[[], Model]", options: Mapping[str, Any], tables: Sequence[str] | None
 ) -> Outcome:
-    """Run a ``model`` with changed numbers; the exceptions of a user's mistake are returned."""
+    """Run the model that ``read`` returns, or return the exception of a user's mistake."""
     from msahl.api.running import run_job
     from msahl.deck import DeckError
     from msahl.run.options import OptionError
     from msahl.start.velocities import StartError
 
     try:
-        result = run_job(model.with_(**changes).job(**options), tables)
+        result = run_job(read().job(**options), tables)
     except (DeckError, OptionError, StartError, MemoryError) as error:
         return error
     return result.report, {name: result.array(name) for name in result.tables}
@@ -85,7 +103,7 @@ def main() -> None:
         model, options, tables = receive(source)
         while True:
             samples = receive(source)
-            send(out, [outcome_of(model, changes, options, tables) for changes in samples])
+            send(out, list(outcomes_of(model, samples, options, tables)))
     except (EndedError, BrokenPipeError):
         return
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from msahl.algebra.many import apart
 from msahl.algebra.vector import Matrix
 from msahl.check.faults import LARGEST, Finding
 from msahl.check.possible_inertia import nearest_possible
@@ -33,7 +34,7 @@ def body_findings(body: RigidBody, scale: float | None = None) -> Iterator[Findi
     if not body.mass > 0.0:
         message = f"the mass is {body.mass:g} kg; it must be greater than zero"
         yield Finding("mass", message)
-    complaint = impossible(body.inertia, scale)
+    complaint = apart(impossible, body.inertia, scale)
     if complaint:
         yield Finding("inertia", complaint + _nearest(body))
 

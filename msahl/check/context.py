@@ -3,11 +3,11 @@
 Axes are taken as they stand at t = 0; those of a ground are the inertial axes.
 """
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from msahl.algebra.functions import Law
+from msahl.algebra.many import hypot, largest
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
 from msahl.joints.expression_values import MARKER_VALUES, joint_values
@@ -47,7 +47,7 @@ class Context:
     def place(self, body: str, origin: Vector) -> None:
         """Put a body's point B at ``origin``, inertial axes [m]."""
         self.origins[body] = origin
-        self.extent = max(self.extent, math.hypot(*origin))
+        self.extent = largest(self.extent, hypot(*origin))
 
     def point(self, body: str, point: Vector) -> Vector:
         """Return a point of a body from the inertial origin, inertial axes [m]."""

@@ -4,10 +4,10 @@ A frame is built in the inertial axes first and then expressed in the bodies' ax
 along a coordinate direction has only zeros and ones there: a planar model stays exactly planar.
 """
 
-import math
 import sys
 from functools import lru_cache
 
+from msahl.algebra.many import hypot, largest, nearest
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, axpy, cross, dot, scale
 
 EXACT = 4 * sys.float_info.epsilon
@@ -25,8 +25,8 @@ def unit(a: Vector) -> Vector:
     """Return ``a`` with length one, exactly along a coordinate direction if it is so but for
     rounding."""
     # By the largest component first: the square of a tiny number is zero, of a huge one infinite.
-    a = scale(1.0 / max(map(abs, a)), a)
-    return clean(scale(1.0 / math.hypot(*a), a))
+    a = scale(1.0 / largest(*map(abs, a)), a)
+    return clean(scale(1.0 / hypot(*a), a))
 
 
 def clean(a: Vector) -> Vector:
@@ -36,13 +36,14 @@ def clean(a: Vector) -> Vector:
     y = y if abs(y) > EXACT else 0.0
     z = z if abs(z) > EXACT else 0.0
     if (x, y, z).count(0.0) == 2:
-        return (float(round(x)), float(round(y)), float(round(z)))
+        return (nearest(x), nearest(y), nearest(z))
     return (x, y, z)
 
 
 def sine(a: Vector, b: Vector) -> float:
     """Return the sine of the angle between two unit vectors."""
-    return math.hypot(*cross(a, b))
+    found: float = hypot(*cross(a, b))
+    return found
 
 
 def frame(z: Vector, reference: Vector | None = None) -> Matrix:
@@ -62,7 +63,7 @@ def smallest_rotation(a: Vector, b: Vector, x: Vector) -> Vector:
     if a == b:
         return x
     axis = cross(a, b)
-    if dot(a, b) < 0.0 and math.hypot(*axis) < PARALLEL:
+    if dot(a, b) < 0.0 and hypot(*axis) < PARALLEL:
         n = frame(b)[0]
         return axpy(2.0 * dot(n, x), n, scale(-1.0, x))
     once = cross(axis, x)

@@ -1,12 +1,12 @@
 """Rules about the two ends of a joint, spring or bushing, and how near their points must be."""
 
-import math
 import sys
 from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
 
+from msahl.algebra.many import dist, hypot, largest
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, dot, sub
 from msahl.check.context import Context
 from msahl.check.directions import PARALLEL
@@ -63,13 +63,15 @@ def points(ends: Ends, context: Context) -> tuple[Vector, Vector]:
 
 def arm(ends: Ends) -> float:
     """Return the longer distance of a point from its body's B [m]."""
-    return max(math.hypot(*ends.parent_point), math.hypot(*ends.child_point))
+    longer: float = largest(hypot(*ends.parent_point), hypot(*ends.child_point))
+    return longer
 
 
 def tolerance(here: Vector, there: Vector, longest: float, context: Context) -> float:
     """Return the accepted distance of two points at t = 0 [m], by the ``longest`` arm [m]."""
-    far = max(math.hypot(*here), math.hypot(*there), context.extent)
-    return max(FIT * longest, ROUNDING * far)
+    far = largest(hypot(*here), hypot(*there), context.extent)
+    accepted: float = largest(FIT * longest, ROUNDING * far)
+    return accepted
 
 
 def plainly_together(here: np.ndarray, there: np.ndarray, longest: np.ndarray) -> np.ndarray:
@@ -83,7 +85,7 @@ def plainly_together(here: np.ndarray, there: np.ndarray, longest: np.ndarray) -
 def apart(ends: Ends, context: Context) -> Iterator[Finding]:
     """Find two points that should coincide at t = 0 and do not."""
     here, there = points(ends, context)
-    distance = math.dist(here, there)
+    distance = dist(here, there)
     if distance > tolerance(here, there, arm(ends), context):
         message = (
             f"its points are {distance:.4g} m apart at t = 0: {shown(here)} m on parent "
@@ -98,10 +100,10 @@ def frame_findings(axes: Matrix, part: str) -> Iterator[Finding]:
     if axes == IDENTITY:  # of joints without axes
         return
     x, y, z = axes
-    products = (dot(x, y), dot(y, z), dot(z, x), *(math.hypot(*row) - 1.0 for row in axes))
+    products = (dot(x, y), dot(y, z), dot(z, x), *(hypot(*row) - 1.0 for row in axes))
     volume = dot(
         x, (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0])
     )
-    if not max(map(abs, products)) <= PARALLEL or volume < 0.0:
+    if not largest(*map(abs, products)) <= PARALLEL or volume < 0.0:
         message = "its rows must be three right-handed unit vectors at right angles; correct them"
         yield Finding(part, message)

@@ -9,8 +9,9 @@ import math
 from collections.abc import Collection, Iterator
 from dataclasses import fields
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
+from msahl.algebra.many import Many, isfinite
 from msahl.algebra.vector import Vector
 from msahl.records import record
 
@@ -64,7 +65,7 @@ def number_findings(record: Any) -> Iterator[Finding]:
     for field in fields(record):
         most = math.inf if field.name in DERIVED else LARGEST
         for value in _numbers(getattr(record, field.name)):
-            if not math.isfinite(value):
+            if not isfinite(value):
                 yield Finding(field.name, f"{value:g} is not a finite number; give a finite one")
             elif abs(value) > ROTATED * most:
                 yield Finding(field.name, f"{value:g} is too large; numbers go up to {LARGEST:g}")
@@ -74,6 +75,8 @@ def _numbers(value: Any) -> Iterator[float]:
     """Yield the numbers in a field: one, or those in tuples of tuples."""
     if isinstance(value, int | float):
         yield float(value)
+    elif isinstance(value, Many):
+        yield cast(float, value)
     elif isinstance(value, tuple):
         for entry in value:
             # A parameter that is NaN has its default, by name.

@@ -6,6 +6,7 @@ The equations are those of the joint's kind (``msahl.joints``), so a new kind ne
 import math
 from collections.abc import Iterator
 
+from msahl.algebra.many import atan2, copysign, degrees, hypot, isnan, largest
 from msahl.algebra.vector import ZERO, Vector, axpy, cross, dot, scale, sub
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL, sine
@@ -55,12 +56,12 @@ def twist_findings(joint: Joint, context: Context) -> Iterator[Finding]:
         return
     x, y = (context.rotated(axis, joint.parent, INERTIAL) for axis in joint.parent_axes[:2])
     child_x = context.rotated(joint.child_axes[0], joint.child, INERTIAL)
-    twist = math.atan2(dot(child_x, y), dot(child_x, x))
+    twist = atan2(dot(child_x, y), dot(child_x, x))
     if abs(twist) > PARALLEL:
-        degrees = math.degrees(twist)
+        angle = degrees(twist)
         message = (
-            f"its frames are rotated by {degrees:.7g} deg about the axis at t = 0, where the angle "
-            f"is zero; rotate child_axes by {-degrees:.7g} deg"
+            f"its frames are rotated by {angle:.7g} deg about the axis at t = 0, where the angle "
+            f"is zero; rotate child_axes by {-angle:.7g} deg"
         )
         yield Finding("child_axes", message)
 
@@ -77,8 +78,8 @@ class JointAtStart:
             context.rotated(joint.parent_axes[2], joint.parent, INERTIAL),
             context.rotated(joint.child_axes[2], joint.child, INERTIAL),
         )
-        lengths = [abs(value) for _, value in joint.parameters if not math.isnan(value)]
-        longest = max(arm(joint), math.hypot(*self.D), *lengths, 0.0)
+        lengths = [abs(value) for _, value in joint.parameters if not isnan(value)]
+        longest = largest(arm(joint), hypot(*self.D), *lengths, 0.0)
         self.tolerance = tolerance(here, there, longest, context)
 
     def direction(self, product: Product) -> Vector:
@@ -97,7 +98,8 @@ class JointAtStart:
         """Return the value of a joint coordinate."""
         products = [self.product(product) for product in coordinate.products]
         if coordinate.kind == RADIUS:
-            return math.hypot(*products)
+            distance: float = hypot(*products)
+            return distance
         if coordinate.kind == ROUND:
             return products[0] - coordinate.radius * math.sqrt(max(0.0, 1.0 - products[1] ** 2))
         return products[0]
@@ -145,8 +147,8 @@ def _rim_findings(joint: Joint, equation: Equation, start: JointAtStart) -> Iter
 def _skew_findings(joint: Joint, equation: Equation, start: JointAtStart) -> Iterator[Finding]:
     d, e = (start.direction(product) for product in equation.first.products[3:5])
     across = cross(d, e)
-    length = math.hypot(*across)
-    across = scale(math.copysign(1.0, dot(start.D, across)), across)
+    length = hypot(*across)
+    across = scale(copysign(1.0, dot(start.D, across)), across)
     distance = dot(start.D, across) / length - equation.first.radius
     yield from _contact_findings(distance, scale(1.0 / length, across), start)
 
@@ -169,14 +171,14 @@ CHECKS = {RADIUS: _distance_findings, ROUND: _rim_findings, SKEW: _skew_findings
 def _angle_findings(equation: Equation, start: JointAtStart) -> Iterator[Finding]:
     cosine = start.value(equation.first)
     if abs(cosine) > PARALLEL:
-        angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+        angle = degrees(math.acos(max(-1.0, min(1.0, cosine))))
         message = f"its axes are at {angle:.7g} deg at t = 0 and must be at 90 deg; rotate one"
         yield Finding("", message)
 
 
 def _shift_findings(shift: Vector, normals: int, start: JointAtStart) -> Iterator[Finding]:
     """Find a child's point that is off the parent's plane (one normal) or axis (two)."""
-    distance = math.hypot(*shift)
+    distance = hypot(*shift)
     if distance > start.tolerance:
         place = "axis" if normals == 2 else "plane"
         message = (

@@ -1,8 +1,8 @@
 """Rules about joints and couplings: ends, parameters, frames, and what a coupling relates."""
 
-import math
 from collections.abc import Iterator
 
+from msahl.algebra.many import isnan
 from msahl.check.context import Context
 from msahl.check.ends import ends_findings, frame_findings
 from msahl.check.faults import Finding
@@ -38,7 +38,7 @@ def joint_findings(joint: Joint, context: Context) -> Iterator[Finding]:
     values = dict(joint.parameters)
     for name, _, default, bound in kind.parameters:
         value = values[name]
-        is_default = default is not None and math.isnan(value)
+        is_default = default is not None and isnan(value)
         if not is_default and not value > bound:
             yield Finding(name, f"it is {value:g}; it must be greater than {bound:g}")
     yield from frame_findings(joint.parent_axes, "parent_axes")

@@ -1,12 +1,12 @@
 """Rules about loads and prescribed motions: what they act on, and numbers that have a sign."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from msahl.algebra.functions import Law, build_laws, evaluate
+from msahl.algebra.many import dist, hypot
 from msahl.algebra.vector import Vector
 from msahl.check.context import Context
 from msahl.check.ends import apart, arm, ends_findings, frame_findings, is_placed, points, tolerance
@@ -114,7 +114,7 @@ def compliance_findings(spring: SpringDamper | JointSpring) -> Iterator[Finding]
 def length_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
     """Find a spring whose points coincide at t = 0, which leaves it without a direction."""
     here, there = points(spring, context)
-    if math.dist(here, there) <= tolerance(here, there, arm(spring), context):
+    if dist(here, there) <= tolerance(here, there, arm(spring), context):
         message = "its length is zero at t = 0, so it has no direction; move one of its points"
         yield Finding("", message)
 
@@ -166,14 +166,14 @@ def point_motion_findings(motion: PointMotion, context: Context) -> Iterator[Fin
     """Find a point of a ground, and a direction that is no unit vector."""
     yield from moving_body_findings(motion.body, context)
     yield from direction_findings("direction", motion.direction)
-    length = math.hypot(*motion.direction)
+    length = hypot(*motion.direction)
     if length and not abs(length - 1.0) <= UNIT_LENGTH:
         yield Finding("direction", f"its length is {length:g}; give a vector of length 1")
 
 
 def direction_findings(part: str, a: Vector) -> Iterator[Finding]:
     """Find a direction that is zero."""
-    if math.hypot(*a) == 0.0:
+    if hypot(*a) == 0.0:
         yield Finding(part, f"the {part} is zero; give a direction, for example 0 0 1")
 
 

@@ -7,6 +7,7 @@ What provides a frame is a ``RigidBody``, whatever its element takes its mass an
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 
+from msahl.algebra.many import largest
 from msahl.algebra.vector import Matrix, Vector, axpy
 from msahl.check.bodies import body_findings
 from msahl.check.context import INERTIAL
@@ -25,7 +26,7 @@ def read_ground(element: Element, reader: Reader) -> Ground:
 def read_rigid_body(element: Element, reader: Reader) -> RigidBody:
     """Return the record of a ``<rigidBody>``."""
     body, entries = given_body(element, reader)
-    return _checked(element, body, max(map(abs, entries)), reader)
+    return _checked(element, body, largest(*map(abs, entries)), reader)
 
 
 def given_body(element: Element, reader: Reader) -> tuple[RigidBody, tuple[float, ...]]:

@@ -1,7 +1,6 @@
 """Reader of the two ends of a joint, spring or bushing: bodies, points and axes."""
 
-import math
-
+from msahl.algebra.many import hypot
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, dot
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import (
@@ -124,7 +123,7 @@ def explicit_references(
         place, given = element.find(f"{side}/reference"), None
         if place is not None and body in reader.context.axes:
             given = reader.vector(place, own=body, wanted=body)
-            if sine(axes[2], given) < PARALLEL * math.hypot(*given) or not any(given):
+            if sine(axes[2], given) < PARALLEL * hypot(*given) or not any(given):
                 reader.faults.add(element, REFERENCE_PARALLEL)
                 given = None
         found.append(given)

@@ -13,13 +13,13 @@ from pathlib import Path
 
 from msahl.deck.faults import Element, Faults
 from msahl.deck.includes import Parts, merge_parts, unit_system_of
-from msahl.deck.overrides import apply_settings
+from msahl.deck.overrides import Setting, apply_settings
 from msahl.deck.parameters import evaluate_parameters, replace_numbers
 from msahl.deck.units import Parameter
 
 
 def expand(
-    root: Element, path: Path, settings: Sequence[str], faults: Faults, parts: Parts
+    root: Element, path: Path, settings: Sequence[Setting], faults: Faults, parts: Parts
 ) -> dict[str, Parameter]:
     """Expand the tree of the deck at ``path``, with ``settings`` such as ``L=80 cm`` and the files
     of ``parts`` (see ``merge_parts``); return its parameters.

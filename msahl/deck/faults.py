@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Callable, Iterable
-from typing import NoReturn
+from typing import NoReturn, cast
 
 from lxml import etree
 
+from msahl.algebra.many import Many
 from msahl.printable import printable
 from msahl.records import record
 
@@ -74,6 +75,8 @@ class Faults:
         """Files of the elements that were included from other files."""
         self.options: dict[Element, str] = {}
         """Options of the command line that elements were changed by: their line has no fault."""
+        self.many: dict[Element, Many] = {}
+        """Numbers of elements, where a deck is read for many models at once."""
 
     def add(
         self, element: Element, message: str | Callable[[], str], at: Element | None = None
@@ -133,6 +136,16 @@ class Faults:
         """Return the file that an element comes from."""
         steps = (element, *element.iterancestors()) if self.origins else ()
         return next((self.origins[e] for e in steps if e in self.origins), self.file)
+
+    def number(self, element: Element) -> float:
+        """Return the number that an element has for its text."""
+        if self.many and element in self.many:
+            return cast(float, self.many[element])
+        return float(element.text or "")  # which ignores white space itself
+
+    def set_many(self, element: Element, numbers: Many) -> None:
+        """Give an element the numbers of many models; what reads its text finds no number there."""
+        self.many[element], element.text = numbers, "(many)"
 
     def place_of(self, element: Element) -> str:
         """Return file and line of an element."""

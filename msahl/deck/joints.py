@@ -1,7 +1,6 @@
 """Reader of joints: elements -> records. What each kind takes is in ``msahl.joints``."""
 
-import math
-
+from msahl.algebra.many import atan2, copysign, degrees
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, cross, dot, sub
 from msahl.check.directions import PARALLEL, facing_back
 from msahl.check.ends import points
@@ -119,10 +118,10 @@ def _check_fixed_angle(
         return
     parent, child = (text(end.find("name")) for end in ends if end is not None)
     x = reader.context.rotated(references[1], child, parent)
-    degrees = math.degrees(math.atan2(dot(cross(references[0], x), axis), dot(references[0], x)))
-    if abs(degrees) > math.degrees(PARALLEL) and not reader.context.project:
+    angle = degrees(atan2(dot(cross(references[0], x), axis), dot(references[0], x)))
+    if abs(angle) > degrees(PARALLEL) and not reader.context.project:
         message = (
-            f"its references are at {degrees:.7g} deg at t = 0 and must be parallel, since the "
+            f"its references are at {angle:.7g} deg at t = 0 and must be parallel, since the "
             "joint does not rotate; rotate the child, or give one reference"
         )
         reader.faults.add(element, message)
@@ -132,4 +131,4 @@ def _facing(parent: Matrix, child: Matrix, ends: Ends, reader: Reader) -> Matrix
     """Return the child's frame, reversed if its axis b has D . (a x b) < 0: the two face alike."""
     here, there = points(ends, reader.context)
     volume = dot(sub(there, here), cross(parent[2], child[2]))
-    return facing_back(child) if math.copysign(1.0, volume) < 0.0 else child
+    return facing_back(child) if copysign(1.0, volume) < 0.0 else child

@@ -19,6 +19,7 @@ from typing import NamedTuple, cast
 from lxml import etree
 from lxml.etree import SubElement
 
+from msahl.algebra.many import Many, Unlike
 from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.includes import unit_message
 from msahl.deck.parameters import evaluate_parameters, unknown_unit
@@ -40,6 +41,33 @@ MOST_SEARCHED = 20_000
 """Places that are compared with an unknown one."""
 
 
+class Varied(NamedTuple):
+    """A setting that many models have with numbers of their own: that of the first model, and the
+    numbers of all.
+    """
+
+    first: str
+    numbers: Many
+
+
+Setting = str | Varied
+
+
+def varied(settings: Sequence[str]) -> Setting:
+    """Return the one setting that stands for those of many models.
+
+    Raises ``Unlike`` if they differ in more than a number.
+    """
+    if len(set(settings)) == 1:
+        return settings[0]
+    parts = [FORM.fullmatch(setting) for setting in settings]
+    words = {part and (part["path"], part["units"]) for part in parts}
+    texts = [part["number"] for part in parts if part and not part["number"].startswith("{")]
+    if len(words) != 1 or len(texts) != len(settings):
+        raise Unlike
+    return Varied(settings[0], Many(map(float, texts)))
+
+
 class _Number(NamedTuple):
     """A number of the deck: its element, the attribute that holds it ("": the text), the name of
     its record or its first tags, and the tags that follow."""
@@ -53,17 +81,19 @@ class _Number(NamedTuple):
         return ".".join(filter(None, (self.head, *self.tags)))
 
 
-def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> None:
+def apply_settings(root: Element, settings: Sequence[Setting], faults: Faults) -> None:
     """Change the numbers that ``settings`` name; those that are wrong become faults."""
     for setting in settings:
-        message = _apply(root, setting, faults)
+        text, numbers = setting if isinstance(setting, Varied) else (setting, None)
+        message = _apply(root, text, numbers, faults)
         if message:
-            faults.add_beside(f"{faults.word}{setting}", message)
+            faults.add_beside(f"{faults.word}{text}", message)
 
 
-def _apply(root: Element, setting: str, faults: Faults) -> str:
-    """Change one number, or the condition; return what is wrong with the setting. Faults of what it
-    changed name the option, not a line of the deck."""
+def _apply(root: Element, setting: str, numbers: Many | None, faults: Faults) -> str:
+    """Change one number, to ``numbers`` of many models if these are given, or the condition; return
+    what is wrong with the setting. Faults of what it changed name the option, not a line of the
+    deck."""
     if setting.startswith(STOP_WHEN):
         _stop_when(root, setting.removeprefix(STOP_WHEN), faults)
         return ""
@@ -85,6 +115,8 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
         message = message or _write(found[0], number, units)
         if not message:
             faults.options[found[0].element] = f"{faults.word}{setting}"
+            if numbers is not None:
+                _set_many(found[0], numbers, faults)
         return message
     if not found:
         return _unknown(root, path)
@@ -134,6 +166,13 @@ def _write(place: _Number, number: str, units: str) -> str:
         element.set("units", units)
     element.text = number
     return ""
+
+
+def _set_many(place: _Number, numbers: Many, faults: Faults) -> None:
+    """Give a number its values in many models."""
+    if place.attribute:
+        raise Unlike
+    faults.set_many(place.element, numbers)
 
 
 def _found(root: Element, path: str) -> Iterator[_Number]:

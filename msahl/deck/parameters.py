@@ -5,12 +5,13 @@ the shortest decimal that is read back to the same double. So what is read from 
 is a deck of plain numbers, and what runs is the same, to the bit, as if they had been written.
 """
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import field
 from fractions import Fraction
 from functools import partial
+from typing import cast
 
+from msahl.algebra.many import Many, Unlike, each, isfinite
 from msahl.check.names import FORBIDDEN
 from msahl.deck.faults import Element, Faults, attribute, collapsed, text
 from msahl.deck.schema_types import FRACTION, NUMBERS, Content, types, with_text
@@ -67,7 +68,20 @@ class Scope:
     def compute(self, tree: Tree) -> tuple[float, Dimension]:
         """Return the value of an expression in SI and its dimension; raises ``ExpressionError``."""
         has = dimension(tree, self.dimensions, constants=self.values)
-        return evaluate(tree, self.values), PURE if has is None else has
+        return _evaluated(tree, self.values), PURE if has is None else has
+
+
+def _evaluated(tree: Tree, values: Mapping[str, float]) -> float:
+    """Return the value of an expression; of many models, if it names numbers of them."""
+    names = sorted(_names(tree))
+    given = [values[name] for name in names if name in values]
+    if not any(isinstance(value, Many) for value in given):
+        return evaluate(tree, values)
+
+    def of_one(*numbers: float) -> float:
+        return evaluate(tree, {**values, **dict(zip(names, numbers, strict=True))})
+
+    return cast(float, each(of_one, *given))
 
 
 def evaluate_parameters(root: Element, faults: Faults) -> Scope:
@@ -86,21 +100,21 @@ def evaluate_parameters(root: Element, faults: Faults) -> Scope:
         if usable and name in trees:
             usable = not _names(trees[name]) & scope.faulty
             usable = usable and _evaluate(element, trees[name], scope, faults)
-        if usable and not math.isfinite(_read(element).value):
+        if usable and not isfinite(_read(element, faults).value):
             faults.add(element, f"{text(element)} is too large; give a smaller number")
             usable = False
         if usable:
-            scope.add(name, _read(element))
+            scope.add(name, _read(element, faults))
         else:
             scope.faulty.add(name)
     return scope
 
 
-def _read(element: Element) -> Parameter:
+def _read(element: Element, faults: Faults) -> Parameter:
     """Return a parameter whose value is a number, and whose unit has been checked."""
     unit = parse_unit(attribute(element, "units", "1"))
     assert unit is not None
-    return Parameter(to_si_by(float(element.text or ""), unit.factor), unit.dimension)
+    return Parameter(to_si_by(faults.number(element), unit.factor), unit.dimension)
 
 
 def _named(root: Element, faults: Faults) -> dict[str, Element]:
@@ -326,10 +340,16 @@ def _is_fraction(element: Element, value: float, faults: Faults) -> bool:
 def _write(element: Element, name: str, value: float, faults: Faults) -> bool:
     """Write a value into the attribute ``name``, or the text, of an element; return whether it is
     finite in its units."""
-    if not math.isfinite(value):
+    if not isfinite(value):
         faults.add(element, "the value of the expression is too large in its units")
         return False
-    shortest = repr(value + 0.0)  # no minus before a zero
+    value += 0.0  # no minus before a zero
+    if isinstance(value, Many):
+        if name:
+            raise Unlike
+        faults.set_many(element, value)
+        return True
+    shortest = repr(value)
     if name:
         element.set(name, shortest)
     else:

@@ -59,6 +59,7 @@ from msahl.model.signals import AnySignal, Stop
 if TYPE_CHECKING:
     from msahl.deck.beams import BuiltBeam
     from msahl.deck.includes import Parts
+    from msahl.deck.overrides import Setting
 
 Read = Callable[[Element, Reader], Any]
 
@@ -103,7 +104,7 @@ of bodies, markers and groups and those of other elements have different names."
 
 
 def read_tree(
-    root: Element, path: Path, settings: Sequence[str] | None, faults: Faults, parts: "Parts"
+    root: Element, path: Path, settings: "Sequence[Setting] | None", faults: Faults, parts: "Parts"
 ) -> Model:
     """Return the model of a tree, which has been compared with the schema, with other numbers;
     raise ``DeckError`` with every fault found.
@@ -119,7 +120,7 @@ def read_tree(
 def read_what_is_sound(
     root: Element,
     path: Path,
-    settings: Sequence[str] | None,
+    settings: "Sequence[Setting] | None",
     faults: Faults,
     parts: "Parts",
 ) -> Model:

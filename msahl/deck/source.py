@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lxml import etree
 
+from msahl.algebra.many import Unlike, member_of
 from msahl.deck.faults import DeckError, Element, Fault, Faults
 from msahl.deck.parse import is_plain, parse, parse_valid, read_bytes
 from msahl.deck.read import read_tree, read_what_is_sound
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
     from msahl.deck.includes import Parts
+    from msahl.deck.overrides import Setting
 
 
 TEXT = Path("<deck>")
@@ -188,6 +190,24 @@ class ParsedDeck:
         faults = Faults(str(self.source.path), word)
         if self._plain and not settings:
             return read_tree(self._root, self.source.path, None, faults, {})
+        return self._read(settings, faults)
+
+    def models(self, settings: Sequence[Sequence[str]]) -> list[Model] | None:
+        """Return the models with numbers of their own by ``settings`` of each, read at once; None
+        if they have to be read one by one: for faults, or where readers decide by such a number.
+        """
+        from msahl.deck.overrides import varied
+
+        faults = Faults(str(self.source.path))
+        try:
+            together = list(map(varied, zip(*settings, strict=True)))
+            model = self._read(together, faults)
+            member = member_of(model)
+        except (Unlike, TypeError, ValueError, DeckError):
+            return None
+        return [member(k) if member else model for k in range(len(settings))]
+
+    def _read(self, settings: "Sequence[Setting]", faults: Faults) -> Model:
         root = deepcopy(self._root)
         if self._origins:
             elements = list(root.iter("*"))

@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import cache
 from typing import NamedTuple
 
+from msahl.algebra.many import for_many
 from msahl.expressions.dimensions import ANGLE, PURE, Dimension
 
 Factors = Mapping[str, Fraction]
@@ -199,6 +200,7 @@ def to_si(value: float, unit: str, quantity: str) -> float:
     return to_si_by(value, UNITS[quantity][unit])
 
 
+@for_many
 def to_si_by(value: float, factor: Fraction) -> float:
     """Return ``value``, in a unit of ``factor``, in SI, rounded once; infinite if too large."""
     if factor == 1 or not math.isfinite(value):
@@ -309,6 +311,7 @@ def dimension_of(quantity: str) -> Dimension:
     return unit.dimension
 
 
+@for_many
 def from_si(value: float, factor: Fraction) -> float:
     """Return a finite ``value`` in SI in the unit of a ``factor``.
 

@@ -5,10 +5,10 @@ ground are the inertial axes. A vector given in the axes it is needed in is read
 cannot be read becomes a fault and a harmless value, so that reading goes on to the next fault.
 """
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from msahl.algebra.many import hypot
 from msahl.algebra.rotation import from_axis_angle, matrix, rescaled
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, transpose
 from msahl.beams.mesh import Mesh
@@ -132,7 +132,7 @@ class Reader:
         with are faults."""
         if element is None:
             return 0.0
-        value = float(element.text or "")  # which ignores white space itself
+        value = self.faults.number(element)
         if quantity:
             name = attribute(element, "units") or DEFAULTS[self.unit_system][quantity]
             if name not in UNITS[quantity]:  # where the schema allows units of two quantities
@@ -166,7 +166,7 @@ class Reader:
         for child in parent:
             tag = str(child.tag)
             if tag in values:
-                value = float(child.text or "")
+                value = self.faults.number(child)
                 usual = SMALLEST <= abs(value) <= LARGEST or value == 0.0
                 plain = usual and child.get("units") in units
                 values[tag] = value if plain else self.number(child, quantity)
@@ -198,7 +198,7 @@ class Reader:
         if element is None:
             return None
         a = self.vector(element, own, INERTIAL)
-        if math.hypot(*a) == 0.0:
+        if hypot(*a) == 0.0:
             self.add(element, direction_findings(str(element.tag), a))
             return None
         return unit(a)
@@ -256,7 +256,7 @@ class Reader:
         """Return the Wiener-Milenkovic parameters of an ``<eulerRotation>``."""
         phi = self.number(rotation.find("phi"), "angle")
         u1, u2, u3 = self.numbers(rotation, ("u1", "u2", "u3"))
-        if math.hypot(u1, u2, u3) == 0.0:
+        if hypot(u1, u2, u3) == 0.0:
             message = "the axis (u1, u2, u3) is zero; give a direction, for example 0 0 1"
             self.faults.add(rotation, message)
             return ZERO

@@ -9,6 +9,7 @@ import pytest
 
 import msahl
 from msahl.api import batch as batches
+from msahl.deck import source
 
 DECKS = Path(__file__).parents[2] / "decks"
 ROD = DECKS / "basics" / "parameters.xml"
@@ -39,6 +40,24 @@ def test_results_are_those_of_single_runs(jobs, options):
         assert_same(result, single)
         assert result.records == single.records
         assert result.states.equals(single.states)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_do_not_depend_on_the_samples_that_are_read_with_them(jobs):
+    model = msahl.load(ROD)
+    samples = [{"L": 0.3 + 0.01 * k, "start": 80.0 - k} for k in range(40)]
+    results = list(msahl.batch(model, samples, jobs, **SHORT))
+    for sample, result in zip(samples, results, strict=True):
+        assert_same(result, model.with_(**sample).run(**SHORT))
+
+
+def test_a_deck_is_read_once_for_many_samples(monkeypatch):
+    model, read = msahl.load(ROD), []
+    samples = [{"L": 0.5 + 0.01 * k} for k in range(2 * batches.READ_AT_ONCE)]
+    read_tree = source.read_tree
+    monkeypatch.setattr(source, "read_tree", lambda *given: read.append(given) or read_tree(*given))
+    assert len(list(msahl.batch(model, samples, 1, **SHORT))) == len(samples)
+    assert len(read) == 2
 
 
 def test_samples_may_be_a_frame():
