@@ -329,7 +329,7 @@ class Model:
 
 
 def read_together(model: Model, samples: Sequence[Mapping[str, Value]]) -> list[Model] | None:
-    """Return what ``model.with_`` returns for each of ``samples``, in less time; None if they have
+    """Return what ``Model.with_`` returns for each of ``samples``, in less time; None if they have
     to be read one by one: if one has a fault, or if they differ in more than numbers.
     """
     if len({tuple(sample) for sample in samples}) != 1:
