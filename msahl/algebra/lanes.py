@@ -65,6 +65,17 @@ def put_quaternion(array: np.ndarray, k: int, e: LaneQuaternion) -> None:
 
 
 @kernel
+def integral(rates: np.ndarray, k: int, weights: np.ndarray, h: float) -> Lanes:
+    """``h`` times the sum over j of the entries (k, j) of ``rates``, each with row j of the
+    ``weights`` (s, LANES).
+    """
+    value = (h * rates[k, 0]) * load(weights, 0)
+    for j in range(1, weights.shape[0]):
+        value = value + (h * rates[k, j]) * load(weights, j)
+    return value
+
+
+@kernel
 def sum_of(a: LaneVector, b: LaneVector) -> LaneVector:
     """``a + b``."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
@@ -100,7 +111,7 @@ def cross(a: LaneVector, b: LaneVector) -> LaneVector:
 
 @kernel
 def times(M: LaneMatrix, a: LaneVector) -> LaneVector:
-    """``M a``; ``a`` may be a vector of plain numbers."""
+    """``M a``; either may be of plain numbers."""
     return (dot(M[0], a), dot(M[1], a), dot(M[2], a))
 
 

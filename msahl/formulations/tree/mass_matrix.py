@@ -58,11 +58,7 @@ def _set_inertia(tree: Tree, motion: TreeMotion, b: int) -> None:
     put_vector(motion.composite, row + 1, first)
     square = dot(first, c)
     for i in range(3):
-        column = (
-            J[0][0] * D[i][0] + J[0][1] * D[i][1] + J[0][2] * D[i][2],
-            J[1][0] * D[i][0] + J[1][1] * D[i][1] + J[1][2] * D[i][2],
-            J[2][0] * D[i][0] + J[2][1] * D[i][1] + J[2][2] * D[i][2],
-        )
+        column = times(J, D[i])
         for j in range(i + 1):
             moment = dot(D[j], column) - first[i] * c[j]
             if i == j:

@@ -26,7 +26,6 @@ the momenta follow from Lagrange's equations, dT/dq_k = (dS_k/dt) . H.
 import numpy as np
 
 from msahl.algebra.lanes import (
-    LaneMatrix,
     LaneVector,
     accumulate_vector,
     cross,
@@ -240,7 +239,7 @@ def set_momenta(tree: Tree, motion: TreeMotion) -> None:
         c, D = vector_at(motion.place, 3 * b), matrix_at(motion.rotation, 9 * b)
         linear = multiple(tree.mass[b], sum_of(v, cross(w, c)))
         J = plain_matrix(motion.inertia, b)
-        angular = times(D, _inertia_times(J, transposed_times(D, w)))
+        angular = times(D, times(J, transposed_times(D, w)))
         put_vector(motion.momenta, 6 * b, sum_of(angular, cross(c, linear)))
         put_vector(motion.momenta, 6 * b + 3, linear)
         weight = scale(tree.mass[b], (tree.gravity[0], tree.gravity[1], tree.gravity[2]))
@@ -288,13 +287,3 @@ def pivot(tree: Tree, motion: TreeMotion, b: int) -> LaneVector:
     """Point about which the last hinges of body ``b`` rotate, from the origin."""
     D = matrix_at(motion.rotation, 9 * b)
     return sum_of(vector_at(motion.place, 3 * b), times(D, at(motion.child_arm, b)))
-
-
-@kernel
-def _inertia_times(J: LaneMatrix, a: LaneVector) -> LaneVector:
-    """``J a`` of a matrix of plain numbers."""
-    return (
-        J[0][0] * a[0] + J[0][1] * a[1] + J[0][2] * a[2],
-        J[1][0] * a[0] + J[1][1] * a[1] + J[1][2] * a[2],
-        J[2][0] * a[0] + J[2][1] * a[1] + J[2][2] * a[2],
-    )

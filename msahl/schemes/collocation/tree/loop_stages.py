@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.formulations.absolute.frames import (
-    frame_count,
-)
+from msahl.algebra.vector import copy
+from msahl.formulations.absolute.frames import frame_count
 from msahl.formulations.tree.table import Tree
-from msahl.jit.kernel import optional
+from msahl.jit.kernel import kernel, optional
 from msahl.jit.lanes import LANES
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.system.arrays import System, node_count
@@ -113,25 +112,27 @@ def _lane_arrays(cut: Cut, tree: Tree, tableau: Tableau) -> dict[str, np.ndarray
 @optional()
 def save_half(loops: LoopStages, half: int) -> None:
     """Keep the unknowns of a half of a pair."""
-    for i in range(loops.y.shape[0]):
-        for r in range(loops.y.shape[1]):
-            loops.half_y[half, i, r] = loops.last_y[i, r]
+    copy(loops.last_y, loops.half_y[half])
 
 
 @optional()
 def follow_half(loops: LoopStages) -> None:
     """Let the next prediction follow the second half."""
-    for i in range(loops.y.shape[0]):
-        for r in range(loops.y.shape[1]):
-            loops.last_y[i, r] = loops.half_y[1, i, r]
+    copy(loops.half_y[1], loops.last_y)
 
 
 @optional()
 def follow_halves(loops: LoopStages, half: np.ndarray, weights: np.ndarray) -> None:
     """Let the next prediction follow both halves, see ``tableau.Halves``."""
+    join(loops.half_y, half, weights, loops.last_y)
+
+
+@kernel
+def join(halves: np.ndarray, half: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    """Set row i of ``out`` to the rows of the ``half`` i, of two, with the row i of ``weights``."""
     for i in range(half.size):
-        for r in range(loops.y.shape[1]):
+        for k in range(out.shape[1]):
             total = 0.0
-            for j in range(half.size):
-                total += weights[i, j] * loops.half_y[half[i], j, r]
-            loops.last_y[i, r] = total
+            for j in range(weights.shape[1]):
+                total += weights[i, j] * halves[half[i], j, k]
+            out[i, k] = total

@@ -27,16 +27,10 @@ Source: see ``tableau``; L. O. Jay (2007) for the constraints in Runge-Kutta for
 import numpy as np
 
 from msahl.algebra import small_system
-from msahl.algebra.vector import (
-    at,
-    matrix_at,
-    put,
-    put_matrix,
-)
+from msahl.algebra.lanes import integral
+from msahl.algebra.vector import at, matrix_at, put, put_matrix
 from msahl.elements.constraints import coincide, scalar
-from msahl.formulations.absolute.frames import (
-    ground_of,
-)
+from msahl.formulations.absolute.frames import ground_of
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.formulations.tree.table import Tree, TreeMotion
 from msahl.jit.kernel import kernel, optional
@@ -115,15 +109,11 @@ def set_nodes(
     """Set violations and entries of G at the Lobatto nodes of the rates ``motion.u``, and the
     momenta by the multipliers; overwrites coordinates and places.
     """
-    s = loops.weight.size
     for k in range(motion.rate.size):
-        value = (h * motion.u[k, 0]) * load(loops.to_nodes, 0)
-        for j in range(1, s):
-            value = value + (h * motion.u[k, j]) * load(loops.to_nodes, j)
-        store(motion.q, k, value)
+        store(motion.q, k, integral(motion.u, k, loops.to_nodes, h))
     recursion.set_places(tree, motion)
     recursion.set_displacements(tree, motion, loops.displacement)
-    for i in range(s):
+    for i in range(loops.weight.size):
         enter_node(loops, motion, workspace, stages, h * stages.tableau.constraint_time[i], i)
     set_gradient(loops, motion)
     set_levers(loops, tree, motion)
@@ -228,10 +218,7 @@ def _set_needed(loops: LoopStages, motion: TreeMotion, h: float) -> None:
     """
     cut, y = loops.cut, motion.y
     for k in range(motion.rate.size):
-        total = spread(0.0)
-        for j in range(loops.weight.size):
-            total = total + (h * y[k, j]) * load(loops.to_nodes, j)
-        store(y, k, total)
+        store(y, k, integral(y, k, loops.to_nodes, h))
     for r in range(cut.scale.size):
         total = load(loops.violation, r)
         for e in range(cut.first[r], cut.first[r + 1]):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.vector import copy
 from msahl.formulations.tree.table import Tree, TreeMotion, new_motion
 from msahl.jit.kernel import optional
 from msahl.jit.lanes import LANES
@@ -129,9 +130,7 @@ def leave(tree: TreeStages, stages: StageArrays) -> bool:
 def save_half(tree: TreeStages, half: int) -> None:
     """Keep the rates of a half of a pair, and its form."""
     tree.half_form[half] = tree.figures[FROM_TREE]
-    for j in range(tree.rates.shape[0]):
-        for k in range(tree.rates.shape[1]):
-            tree.half_rates[half, j, k] = tree.last_rates[j, k]
+    copy(tree.last_rates, tree.half_rates[half])
     loop_stages.save_half(tree.loops, half)
 
 
@@ -139,9 +138,7 @@ def save_half(tree: TreeStages, half: int) -> None:
 def follow_half(tree: TreeStages) -> None:
     """Let the next prediction follow the second half."""
     tree.figures[FROM_TREE] = tree.half_form[1]
-    for j in range(tree.rates.shape[0]):
-        for k in range(tree.rates.shape[1]):
-            tree.last_rates[j, k] = tree.half_rates[1, j, k]
+    copy(tree.half_rates[1], tree.last_rates)
     loop_stages.follow_half(tree.loops)
 
 
@@ -149,12 +146,6 @@ def follow_half(tree: TreeStages) -> None:
 def follow_halves(tree: TreeStages, halves: Halves) -> bool:
     """Let the next prediction follow both halves; return whether it can: they are of one form."""
     tree.figures[FROM_TREE] = tree.half_form[1]
-    half, weights = halves.rate_half, halves.rates
-    for i in range(half.size):
-        for k in range(tree.rates.shape[1]):
-            total = 0.0
-            for j in range(weights.shape[1]):
-                total += weights[i, j] * tree.half_rates[half[i], j, k]
-            tree.last_rates[i, k] = total
+    loop_stages.join(tree.half_rates, halves.rate_half, halves.rates, tree.last_rates)
     loop_stages.follow_halves(tree.loops, halves.multiplier_half, halves.multipliers)
     return bool(tree.half_form[0] == tree.half_form[1])

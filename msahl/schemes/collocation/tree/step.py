@@ -34,6 +34,7 @@ import math
 
 import numpy as np
 
+from msahl.algebra.lanes import integral
 from msahl.algebra.rotation import compose, matrix
 from msahl.algebra.vector import (
     ZERO,
@@ -201,10 +202,7 @@ def set_coordinates(tree: TreeStages, h: float) -> bool:
     """Set the coordinates at the nodes; return whether they are within the range of a step."""
     motion, within = tree.motion, True
     for k in range(motion.rate.size):
-        value = (h * motion.u[k, 0]) * load(tree.nodes, 0)
-        for j in range(1, tree.nodes.shape[0]):
-            value = value + (h * motion.u[k, j]) * load(tree.nodes, j)
-        store(motion.q, k, value)
+        store(motion.q, k, integral(motion.u, k, tree.nodes, h))
         for i in range(LANES):
             # Written so that a nan counts.
             if not abs(motion.q[k, i]) <= tree.tree.reach[k]:
