@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import PIECES, Laws, piece_of
+from msahl.algebra.functions import PIECES, Law, Laws, build_laws, joined, piece_of
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.equations import is_active
 from msahl.events.expressions import (
@@ -58,6 +58,10 @@ width, within which a coordinate or a rate counts as being at the level."""
 AT_ENDS = 1e-6
 """Fraction of the change over a step that a margin may pass a level by, if it can be at a level:
 steps do not end for what happens in so small a part at their ends."""
+
+
+KINK = Law("linear", (0.0, 1e99, 0.0, 0.0))
+"""A law with a break at zero, for what has one kink."""
 
 
 class Span(NamedTuple):
@@ -122,6 +126,10 @@ def build_margins(
     signals = system.forces.signals
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
+    laws = all_laws(signals, system.laws)
+    kinks = [*_of_compliant_contacts(system, laws.kind.size)]
+    if kinks:
+        found, laws = [*found, *kinks], joined(laws, build_laws([KINK]))
     found += _of_contacts(system, contacts) if contacts is not None else ()
     known = known_to(signals, span.end, span.step)
     if span.resolves_inputs:
@@ -137,7 +145,7 @@ def build_margins(
     }
     return Margins(
         **columns,
-        laws=all_laws(signals, system.laws),
+        laws=laws,
         held=np.zeros(0) if signals is None else signals.tape.held,
         known=known or NO_TIMES,
         has_expressions=EXPRESSION in kinds,
@@ -200,6 +208,16 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
         else:
             gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
             yield gap._replace(level=float(contacts.limit[k]), near=float(contacts.round_off[k]))
+
+
+def _of_compliant_contacts(system: System, kink: int) -> Iterator[Margin]:
+    """Yield the margins of compliant contacts: where they touch, and how fast they open where their
+    force ends before; ``kink`` is the number of a law with a break at zero.
+    """
+    for coordinate, limit, rate in forces.kinks_of_contacts(system.forces):
+        yield Margin(COORDINATE, coordinate, SPLIT, law=kink, origin=limit, near=NEAR)
+        if rate != 0.0:
+            yield Margin(RATE, coordinate, SPLIT, law=kink, origin=rate, near=NEAR)
 
 
 def laws_of_time(system: System) -> np.ndarray:

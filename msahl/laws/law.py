@@ -82,8 +82,9 @@ class CoordinateLaw(NamedTuple):
     its derivative by the rate, with N the magnitude of the joint's reaction force. ``c`` are the
     numbers of ``fields``. ``mean_tension(c, q, dq, free)``, the quotient of the potential's change
     and dq, with its derivative by dq, is computed from the other two where a law does not give it.
-    ``by_reaction`` marks a resistance that depends on N; ``width`` names the number of a resistance
-    that rises within a small rate: that rate.
+    ``by_reaction`` marks a resistance that depends on N, ``by_tension`` one whose N is the magnitude
+    of T instead, to which it is proportional; ``width`` names the number of a resistance that rises
+    within a small rate: that rate.
     """
 
     name: str
@@ -93,6 +94,7 @@ class CoordinateLaw(NamedTuple):
     mean_tension: Kernel | None = None
     resistance: Kernel = no_resistance
     by_reaction: bool = False
+    by_tension: bool = False
     width: str | None = None
 
     @property

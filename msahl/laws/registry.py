@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msahl.laws.contact import CONTACT
 from msahl.laws.drag import DRAG
 from msahl.laws.friction import FRICTION
 from msahl.laws.law import CoordinateLaw, PointLaw
@@ -12,11 +13,12 @@ from msahl.laws.spring import SPRING
 POINT_LAWS: dict[str, PointLaw] = {law.name: law for law in (DRAG,)}
 """Laws of forces at points of bodies."""
 
-COORDINATE_LAWS: dict[str, CoordinateLaw] = {law.name: law for law in (SPRING, FRICTION)}
+COORDINATE_LAWS: dict[str, CoordinateLaw] = {law.name: law for law in (SPRING, FRICTION, CONTACT)}
 """Laws of forces along coordinates. Springs have elements of their own in the deck, where they act
-along more than coordinates of joints, with a damper, a table or an unloaded length beside them."""
+along more than coordinates of joints, with a damper, a table or an unloaded length beside them; and
+so have contacts."""
 
-JOINT_LAWS = {name: law for name, law in COORDINATE_LAWS.items() if law is not SPRING}
+JOINT_LAWS = {name: law for name, law in COORDINATE_LAWS.items() if law not in (SPRING, CONTACT)}
 """Those whose element in the deck names a joint and its coordinate."""
 
 Parameters = tuple[tuple[str, float], ...]

@@ -3,7 +3,7 @@
 from msahl.algebra.functions import Law
 from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
-from msahl.model.contacts import ContactSide, DistanceLimit, JointLimit, PlaneContact
+from msahl.model.contacts import Compliance, ContactSide, DistanceLimit, JointLimit, PlaneContact
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -41,6 +41,7 @@ __all__ = [
     "BeamShape",
     "Bushing",
     "ConcentratedLoad",
+    "Compliance",
     "ContactSide",
     "Coupling",
     "DistanceLimit",

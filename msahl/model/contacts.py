@@ -4,6 +4,9 @@ Each says that a coordinate q of the motion does not leave a range. A *side* is 
 the gap that is zero at the end and never negative:
 
     lower:  q - limit >= 0        upper:  limit - q >= 0
+
+A contact with a ``compliance`` gives way instead: a gap of less than zero is a depth, by which it
+pushes (``laws.contact``).
 """
 
 from typing import TypeAlias
@@ -12,6 +15,17 @@ from msahl.algebra.vector import Vector
 from msahl.records import record
 
 POISSON, NEWTON = IMPACT_LAWS = ("poisson", "newton")
+
+
+@record
+class Compliance:
+    """The force of a contact is ``stiffness`` times depth^``exponent`` [N/m^n, or N m/rad^n], and in
+    an impact at ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not
+    damped, and the restitution is 1."""
+
+    stiffness: float
+    exponent: float = 1.0
+    impact_speed: float | None = None
 
 
 @record
@@ -25,6 +39,7 @@ class JointLimit:
     lower: float | None = None
     upper: float | None = None
     restitution: float = 0.0
+    compliance: Compliance | None = None
 
 
 @record
@@ -40,6 +55,7 @@ class DistanceLimit:
     lower: float | None = None
     upper: float | None = None
     restitution: float = 0.0
+    compliance: Compliance | None = None
 
 
 @record
@@ -56,6 +72,7 @@ class PlaneContact:
     normal: Vector
     radius: float = 0.0
     restitution: float = 0.0
+    compliance: Compliance | None = None
 
 
 Contact: TypeAlias = JointLimit | DistanceLimit | PlaneContact

@@ -60,9 +60,19 @@ class Model:
     deck."""
 
     @property
+    def rigid_contacts(self) -> tuple[Contact, ...]:
+        """The contacts that are constraints, in their order."""
+        return tuple(contact for contact in self.contacts if contact.compliance is None)
+
+    @property
+    def compliant_contacts(self) -> tuple[Contact, ...]:
+        """The contacts that are forces, in their order."""
+        return tuple(contact for contact in self.contacts if contact.compliance is not None)
+
+    @property
     def contact_sides(self) -> tuple[ContactSide, ...]:
-        """The sides of all contacts, in their order."""
-        return tuple(side for contact in self.contacts for side in sides_of(contact))
+        """The sides of all rigid contacts, in their order."""
+        return tuple(side for contact in self.rigid_contacts for side in sides_of(contact))
 
     @property
     def constrained(

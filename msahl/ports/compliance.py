@@ -149,7 +149,7 @@ def add_derivatives(
     """Add the derivatives of the loads by places and rates, of ``set_loads``, by mass."""
     for j in range(group.spring.size):
         spring.add_derivative(
-            springs, laws, group.spring[j], coords, start, frames, motion, 0.0, out
+            springs, laws, group.spring[j], coords, start, frames, motion, (0.0, 0.0), out
         )
 
 

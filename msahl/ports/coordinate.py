@@ -11,7 +11,8 @@ q          coordinate, counted from an origin: 0, or its value at t = 0 [m or ra
 T, R       tension and resistance by the law; a table may take the tension's place
 c          damping of a linear damper [N s/m, or N m s/rad]
 q_free     where the potential is zero [m or rad]
-N          magnitude of the reaction force of a joint [N]
+N          magnitude of the reaction force of a joint [N], or of the law's own tension, to which the
+           resistance is proportional then: dR/dq = R/T dT/dq
 
 Discrete gradient over a step of size h from q0 to q1 = q0 + dq of the midpoint element:
 
@@ -23,8 +24,8 @@ it is the mean of T by Gauss's formula, which is exact to round-off there. A dec
 subtracts chi/2 k (dq - s) in addition, where s is the smoothed change of q, as it does with the
 bodies' velocities (``formulations.absolute.rigid_body``); k of a table is its steepest rise there.
 
-N is extrapolated over a step from the last two steps, which is second-order accurate, and all else
-is implicit. The derivatives omit the change of N.
+Over a step the mean of T takes its place. The N of a joint is extrapolated from the last two steps,
+which is second-order accurate, and all else is implicit. The derivatives omit the change of that N.
 
 The load acts through the coordinate's unit force: a two-point spring pulls along its line, a
 torsional one acts about its axis. Source: Gonzalez, Time integration and discrete Hamiltonian
@@ -58,6 +59,8 @@ NODES, WEIGHTS = (tuple(of.tolist()) for of in np.polynomial.legendre.leggauss(4
 SHORT = 0.1
 """Change of q over its distance from q_free up to which the formula is used: its error is the
 eighth power of this over 10^9, and the quotient of larger changes loses one digit."""
+NO_JOINT, OWN_TENSION = -1, -2
+"""In place of the joint whose reaction is N: no N, and the law's own tension."""
 
 
 class AlongForces(NamedTuple):
@@ -72,7 +75,7 @@ class AlongForces(NamedTuple):
     free: np.ndarray  # (s,) q_free
     table: np.ndarray  # (s,) law T(q) in place of the tension, or -1
     decay: np.ndarray  # (s,) chi/2 k
-    joint: np.ndarray  # (s,) whose reaction is N, or -1
+    joint: np.ndarray  # (s,) whose reaction is N, or as above
     width: np.ndarray  # (s,) rate within which the resistance rises, or 0
     column: np.ndarray  # (s,) of the table of work
     energy_column: np.ndarray  # (s,) of elastic energy, behind the columns of work, or -1
@@ -111,22 +114,32 @@ def potential(group: AlongForces, laws: Laws, s: int, q: float) -> float:
 
 
 @kernel
-def reaction_force(group: AlongForces, reactions: np.ndarray, s: int) -> float:
-    """Return N by the joints' ``reactions`` (j, 6); 0 for a law that does not depend on it."""
+def pressing_force(group: AlongForces, reactions: np.ndarray, s: int, T: float) -> float:
+    """Return N by the joints' ``reactions`` (j, 6) or by ``T``; 0 for a law that does not depend on
+    it.
+    """
     joint = group.joint[s]
     if joint < 0:
-        return 0.0
+        return abs(T) if joint == OWN_TENSION else 0.0
     square = reactions[joint, 0] ** 2 + reactions[joint, 1] ** 2 + reactions[joint, 2] ** 2
     return math.sqrt(square)
 
 
 @kernel
 def resistance(
-    group: AlongForces, reactions: np.ndarray, s: int, rate: float
+    group: AlongForces, reactions: np.ndarray, s: int, rate: float, T: float
 ) -> tuple[float, float]:
-    """Return R at a ``rate`` under the joints' ``reactions`` (j, 6), and dR/dq_dot."""
-    N = reaction_force(group, reactions, s)
+    """Return R at a ``rate`` under the joints' ``reactions`` (j, 6) and the tension ``T``, and
+    dR/dq_dot.
+    """
+    N = pressing_force(group, reactions, s, T)
     return law_resistance(group.law[s], group.constants[s], rate, N)
+
+
+@kernel
+def by_place(group: AlongForces, s: int, R: float, T: float, slope: float) -> float:
+    """Return the derivative of a resistance ``R`` by what T has the derivative ``slope`` by."""
+    return R / T * slope if group.joint[s] == OWN_TENSION and T != 0.0 else 0.0
 
 
 @kernel
@@ -149,7 +162,7 @@ def add_load(
             continue
         q = group.coordinate[s]
         T, slope = tension(group, laws, s, elongation(group, start, s))
-        R, _ = resistance(group, reactions, s, rate[q])
+        R, _ = resistance(group, reactions, s, rate[q], T)
         lag = group.damping[s] * rate[q] + R
         start.load[q] -= T + lag
         if group.joint[s] < 0:
@@ -173,9 +186,11 @@ def add_derivatives(
     for s in range(group.coordinate.size):
         if group.unknown[s]:
             continue
-        q = group.coordinate[s]
-        _, by_rate = resistance(group, reactions, s, place.rate[q])
-        add_derivative(group, laws, s, coords, start, frames, motion, by_rate, out)
+        rate = place.rate[group.coordinate[s]]
+        T, slope = tension(group, laws, s, elongation(group, start, s))
+        R, by_rate = resistance(group, reactions, s, rate, T)
+        lag = by_place(group, s, R, T, slope), by_rate
+        add_derivative(group, laws, s, coords, start, frames, motion, lag, out)
 
 
 @kernel
@@ -187,27 +202,35 @@ def add_derivative(
     start: CoordinatesWorkspace,
     frames: Frames,
     motion: FramesWorkspace,
-    by_rate: float,
+    lag: tuple[float, float],
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of the load of force ``s`` by mass by the places and by the rates; that
-    of its resistance is ``by_rate``.
+    """Add the derivatives of the load of force ``s`` by mass by the places and by the rates; those
+    of its resistance, by the coordinate and its rate, are ``lag``.
     """
     q = group.coordinate[s]
     _, slope = tension(group, laws, s, elongation(group, start, s))
     if slope != 0.0:
-        add_spring(coords, start, frames, 1.0, q, -slope, out.by_place)
-    add_damper(coords, start, frames, motion, q, -group.damping[s] - by_rate, out)
+        add_spring(coords, start, frames, 1.0, q, -slope - lag[0], out.by_place)
+    add_damper(coords, start, frames, motion, q, -group.damping[s] - lag[1], out)
 
 
 @kernel
 def add_power(
-    group: AlongForces, reactions: np.ndarray, rate: np.ndarray, dt: float, total: np.ndarray
+    group: AlongForces,
+    laws: Laws,
+    place: ScalarWorkspace,
+    reactions: np.ndarray,
+    dt: float,
+    total: np.ndarray,
 ) -> None:
     """Add ``dt`` times the power [W] of each damper and resistance to its column of ``total``."""
     for s in range(group.coordinate.size):
-        q_dot = rate[group.coordinate[s]]
-        R, _ = resistance(group, reactions, s, q_dot)
+        q_dot = place.rate[group.coordinate[s]]
+        T = 0.0
+        if group.joint[s] == OWN_TENSION:
+            T, _ = tension(group, laws, s, elongation(group, place.coordinates, s))
+        R, _ = resistance(group, reactions, s, q_dot, T)
         total[group.column[s]] -= group.damping[s] * q_dot**2 * dt + R * q_dot * dt
 
 
@@ -262,7 +285,7 @@ def add_mean_load(
         dq = start.change[q]
         T, slope = mean_tension(group, laws, s, elongation(group, start, s), dq)
         lag = group.damping[s] * dq / h + group.decay[s] * (dq - stretch[s])
-        lag += resistance(group, reactions, s, dq / h)[0]
+        lag += resistance(group, reactions, s, dq / h, T)[0]
         start.load[q] -= T + lag
         # A tension whose mean vanishes can be large at both ends, and that of a stiff spring is no
         # more accurate than its length.
@@ -288,8 +311,9 @@ def mean_jacobian(
             continue
         q = group.coordinate[s]
         dq = start.change[q]
-        _, slope = mean_tension(group, laws, s, elongation(group, start, s), dq)
-        _, by_rate = resistance(group, reactions, s, dq / h)
+        T, slope = mean_tension(group, laws, s, elongation(group, start, s), dq)
+        R, by_rate = resistance(group, reactions, s, dq / h, T)
+        slope += by_place(group, s, R, T, slope)
         slope = -slope - group.damping[s] / h - group.decay[s] - by_rate / h
         add_spring(coords, start, frames, factor, q, slope, values)
 
@@ -297,6 +321,7 @@ def mean_jacobian(
 @kernel
 def mean_work(
     group: AlongForces,
+    laws: Laws,
     reactions: np.ndarray,
     start: CoordinatesWorkspace,
     h: float,
@@ -304,8 +329,10 @@ def mean_work(
 ) -> None:
     """Add the work [J] of each damper and resistance over the step to its column of ``total``."""
     for s in range(group.coordinate.size):
-        dq = start.change[group.coordinate[s]]
-        R, _ = resistance(group, reactions, s, dq / h)
+        dq, T = start.change[group.coordinate[s]], 0.0
+        if group.joint[s] == OWN_TENSION:
+            T, _ = mean_tension(group, laws, s, elongation(group, start, s), dq)
+        R, _ = resistance(group, reactions, s, dq / h, T)
         total[group.column[s]] -= group.damping[s] * dq * dq / h + R * dq
 
 
@@ -361,7 +388,7 @@ def unresolved_speed(
         moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
         angular = coords.kind[q] == ANGLE
         length = float(frames.length[moving].max()) if angular else 1.0
-        limit, _ = resistance(group, reactions, int(s), math.inf)
+        limit, _ = resistance(group, reactions, int(s), math.inf, 0.0)
         change = h * limit * frames.inverse_mass[moving].max() / length**2
         if change > group.width[s]:
             worst = max(worst, 0.5 * float(group.width[s]) * length)

@@ -39,6 +39,7 @@ from msahl.elements.signals import inputs, results, states
 from msahl.elements.signals.group import Signals, SignalsWorkspace, Stages
 from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel, optional
+from msahl.laws.contact import CONTACT, DAMPING, SIDE
 from msahl.ports import (
     actuator,
     compliance,
@@ -235,7 +236,7 @@ def add_power(
     point.add_power(forces.point, start.point, start.motion, dt, work)
     if scalar is None:
         return
-    coordinate.add_power(forces.along, reaction, start.place.rate, dt, work)
+    coordinate.add_power(forces.along, forces.laws, start.place, reaction, dt, work)
     actuator.add_power(forces.actuator, start.signals, start.place, dt, work)
 
 
@@ -468,7 +469,8 @@ def mean_work(
     point.mean_work(forces.point, start.point, frames, h, Z, work)
     if scalar is None:
         return
-    coordinate.mean_work(forces.along, start.reactions, start.place.coordinates, h, work)
+    q = start.place.coordinates
+    coordinate.mean_work(forces.along, forces.laws, start.reactions, q, h, work)
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
 
 
@@ -874,6 +876,17 @@ def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
     """Return the coordinates along which forces change fast with the rate, and at which rates."""
     fast = forces.along.width > 0.0
     return forces.along.coordinate[fast], forces.along.width[fast]
+
+
+def kinks_of_contacts(forces: Forces) -> Iterator[tuple[int, float, float]]:
+    """Yield the coordinate of each compliant contact, its value where the contact touches, and its
+    rate where the force of one that opens ends, 0 if it does not.
+    """
+    group = forces.along
+    for s in np.flatnonzero(group.law == coordinate.LAWS.index(CONTACT)):
+        c = group.constants[s]
+        rate = float(c[SIDE] / c[DAMPING]) if c[DAMPING] > 0.0 else 0.0
+        yield int(group.coordinate[s]), float(group.origin[s] + group.free[s]), rate
 
 
 def unresolved_speed(

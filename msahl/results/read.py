@@ -127,7 +127,7 @@ def _judged(folder: Path, info: dict[str, Any]) -> dict[str, Any]:
 def _events(folder: Path, model: Model) -> pd.DataFrame | None:
     """The table of contact events; None if the model has no contacts."""
     path = find(folder, file_name(EVENTS))
-    if not model.contacts:
+    if not model.rigid_contacts:
         return None
     if path is None:
         raise ResultError(f"{shown_path(folder / file_name(EVENTS))}: missing; {AGAIN}")

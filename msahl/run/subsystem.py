@@ -112,7 +112,7 @@ class SubsystemIntegrator:
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
-        if self.storages is None or self.size >= LARGE or self.model.contacts:
+        if self.storages is None or self.size >= LARGE or self.model.rigid_contacts:
             return Storage()
         simulation = self.model.simulation
         kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
@@ -227,7 +227,7 @@ class SubsystemIntegrator:
         seconds.
         """
         self.storage.step_time = step_time
-        if self.storages and self.size < LARGE and not self.model.contacts:
+        if self.storages and self.size < LARGE and not self.model.rigid_contacts:
             self.storages.give_back(self.storage)
 
     def show_start(self) -> None:

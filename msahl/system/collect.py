@@ -29,12 +29,20 @@ from msahl.joints.joint import (
 )
 from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
+from msahl.laws.contact import CONTACT, damping_of
 from msahl.laws.law import CoordinateLaw
 from msahl.laws.registry import COORDINATE_LAWS, JOINT_LAWS, Parameters
 from msahl.laws.spring import SPRING
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
-from msahl.model.contacts import ContactSide, DistanceLimit, JointLimit, PlaneContact
+from msahl.model.contacts import (
+    Contact,
+    ContactSide,
+    DistanceLimit,
+    JointLimit,
+    PlaneContact,
+    sides_of,
+)
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -47,6 +55,7 @@ from msahl.model.loads import (
 )
 from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
+from msahl.ports.coordinate import NO_JOINT, OWN_TENSION
 from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
 
@@ -85,7 +94,7 @@ class CoordinateEntry(NamedTuple):
     free: float = 0.0  # nan: likewise
     table: int = -1  # law in place of the tension
     decay: float = 0.0
-    joint: int = -1  # whose reaction it depends on
+    joint: int = NO_JOINT  # whose reaction it depends on, or ``OWN_TENSION``
     element: int = -1  # number behind those of beams' elements, where its load is an unknown
 
 
@@ -186,7 +195,10 @@ class _Collector:
             self._contact(first + i, side)
         # Springs in the compliance form are numbered behind the elements of beams.
         sides = len(model.contact_sides)
-        self.unknown = self._beams(first + sides, column + sides)
+        for i, contact in enumerate(model.compliant_contacts):
+            self._compliant_contact(column + sides + i, contact)
+        columns = sides + len(model.compliant_contacts)
+        self.unknown = self._beams(first + sides, column + columns)
         for column, load in enumerate(model.loads):
             self._load(column, load)
         order = [*COORDINATE_LAWS]
@@ -270,18 +282,36 @@ class _Collector:
 
     def _contact(self, element: int, side: ContactSide) -> None:
         """Add the equation of an open contact, which any motion satisfies."""
-        contact = side.contact
-        if isinstance(contact, JointLimit):
-            coordinate = self._joint_coordinate(contact.joint, contact.coordinate)
-        else:
-            along = distance()
-            if isinstance(contact, PlaneContact):
-                along = in_plane(contact.normal).first
-            coordinate = self._add(along, self._pair(contact))
+        coordinate = self._along_contact(side.contact)
         equation = Equation(self.elements.coordinates[coordinate][0], 0.0)
         self._add_load_equation(
             EquationEntry(element, coordinate, -1, 0.0, equation, first_coefficient=0.0)
         )
+
+    def _along_contact(self, contact: Contact) -> int:
+        """Return the number of the coordinate of a contact."""
+        if isinstance(contact, JointLimit):
+            return self._joint_coordinate(contact.joint, contact.coordinate)
+        is_plane = isinstance(contact, PlaneContact)
+        along = in_plane(contact.normal).first if is_plane else distance()
+        return self._add(along, self._pair(contact))
+
+    def _compliant_contact(self, column: int, contact: Contact) -> None:
+        """Add the forces of a compliant contact, one for each side."""
+        coordinate, offset = self._along_contact(contact), 0.0
+        if isinstance(contact, JointLimit) and contact.coordinate == "angle":
+            offset = angle_offset(self.joints[contact.joint])
+        for side in sides_of(contact):
+            entry = CoordinateEntry(
+                law=CONTACT,
+                coordinate=coordinate,
+                parameters=_compliant_parameters(side),
+                column=column,
+                origin=-offset,
+                free=side.limit,
+                joint=_pressing(CONTACT),
+            )
+            self.elements.along.append(entry)
 
     def _beams(self, element: int, column: int) -> int:
         """Add all beams, whose elements are numbered from ``element`` and columns of the table of
@@ -323,7 +353,7 @@ class _Collector:
                 parameters=load.parameters,
                 column=column,
                 origin=-angle_offset(self.joints[load.joint]) if angular else 0.0,
-                joint=self.number[load.joint] if law.by_reaction else -1,
+                joint=_pressing(law, self.number[load.joint]),
             )
             self.elements.along.append(entry)
         elif isinstance(load, PointLoad):
@@ -380,6 +410,28 @@ class _Collector:
     def _decay(self, stiffness: float) -> float:
         """Return chi/2 k of a spring."""
         return 0.5 * resolve(self.model.simulation).decay.chi * stiffness
+
+
+def _pressing(law: CoordinateLaw, joint: int = NO_JOINT) -> int:
+    """Return what presses for the resistance of a law along a coordinate of a ``joint``."""
+    if law.by_tension:
+        return OWN_TENSION
+    return joint if law.by_reaction else NO_JOINT
+
+
+def _compliant_parameters(side: ContactSide) -> Parameters:
+    """Return the numbers of the law of a side of a compliant contact."""
+    contact = side.contact
+    compliance, damping = contact.compliance, 0.0
+    assert compliance is not None
+    if compliance.impact_speed is not None:
+        damping = damping_of(contact.restitution, compliance.impact_speed)
+    return (
+        ("stiffness", compliance.stiffness),
+        ("exponent", compliance.exponent),
+        ("damping", damping),
+        ("side", side.sign),
+    )
 
 
 def _bushing_coordinates(bushing: Bushing) -> list[Coordinate]:

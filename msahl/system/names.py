@@ -118,7 +118,8 @@ def workers(model: Model) -> tuple[str, ...]:
     """Names of all whose work is counted: loads, motions, contacts, damped beams, a scheme that
     decays."""
     damped = filter(is_damped, model.beams)
-    elements = (*model.loads, *model.motions, *model.contact_sides, *damped)
+    contacts = (*model.contact_sides, *model.compliant_contacts)
+    elements = (*model.loads, *model.motions, *contacts, *damped)
     names = tuple(element.name for element in elements)
     return (*names, WORKER) if resolve(model.simulation).dissipative else names
 
@@ -126,8 +127,9 @@ def workers(model: Model) -> tuple[str, ...]:
 def work_columns(model: Model) -> list[str]:
     """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
     springs = [load for load in model.loads if _is_elastic(load)]
+    elastic = (*springs, *model.compliant_contacts, *model.beams)
     work = [f"{name}.work" for name in workers(model)]
-    return ["time", *work, *(f"{element.name}.{ENERGY}" for element in (*springs, *model.beams))]
+    return ["time", *work, *(f"{element.name}.{ENERGY}" for element in elastic)]
 
 
 def _is_elastic(load: Load) -> bool:

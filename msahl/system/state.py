@@ -81,15 +81,16 @@ def set_strains(system: System, state: State) -> None:
 
 
 def work_count(model: Model) -> int:
-    """Columns of work: one a load, a motion, a side of a contact and a damped beam, and a decaying
-    scheme's own.
+    """Columns of work: one a load, a motion, a side of a rigid contact, a compliant contact and a
+    damped beam, and a decaying scheme's own.
     """
-    damped = sum(map(is_damped, model.beams)) + len(model.contact_sides)
-    return work_of_contacts(model) + damped + resolve(model.simulation).dissipative
+    damped = sum(map(is_damped, model.beams)) + len(model.compliant_contacts)
+    contacts = work_of_contacts(model) + len(model.contact_sides)
+    return contacts + damped + resolve(model.simulation).dissipative
 
 
 def work_of_contacts(model: Model) -> int:
-    """Return the first column of the works of contacts."""
+    """Return the first column of the works of rigid contacts."""
     return len(model.loads) + len(model.motions)
 
 

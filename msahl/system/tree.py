@@ -131,7 +131,7 @@ def _excluded(model: Model, system: System) -> str:
     rates = scalar is not None and not scalar.equations.holonomic.all()
     reasons = (
         (bool(unknown), f"{', '.join(unknown)} have no joint coordinates"),
-        (bool(model.contacts), "contacts open and close, which joint coordinates do not follow"),
+        (bool(model.rigid_contacts), "contacts open and close, which joint coordinates do not follow"),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
@@ -229,7 +229,8 @@ def _build(
         }
         for name, value in row.items():
             arrays[name].append(value)
-    return _finish(system, arrays, coordinates, not model.loads and _is_bare(system.forces))
+    acting = model.loads or model.compliant_contacts
+    return _finish(system, arrays, coordinates, not acting and _is_bare(system.forces))
 
 
 def _is_bare(forces: Forces) -> bool:

@@ -69,7 +69,7 @@ def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0, as a run has them, each with its first row. Raises
     ``NotDifferentiable`` for a model with contacts.
     """
-    if model.contacts:
+    if model.rigid_contacts:
         raise NotDifferentiable(without_contacts(model))
     settings = shape.settings
     together = shape.full or settings.adaptive
