@@ -7,9 +7,11 @@ from msahl.algebra.vector import dot, sub
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
-from msahl.check.faults import Finding, negative
+from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
+from msahl.laws.contact import LEAST_RESTITUTION
 from msahl.model.contacts import (
+    Compliance,
     Contact,
     ContactSide,
     DistanceLimit,
@@ -18,6 +20,7 @@ from msahl.model.contacts import (
     sides_of,
 )
 
+LARGEST_EXPONENT = 10.0
 OVERLAP = 1e-9
 """Overlap at t = 0, over the size of what touches, that is that of the digits a deck omits."""
 
@@ -31,12 +34,38 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
     if not 0.0 <= contact.restitution <= 1.0:
         message = f"it is {contact.restitution:g}; give a coefficient from 0 to 1"
         yield Finding("restitution", message)
+    elif contact.compliance is not None:
+        yield from _compliance_findings(contact, contact.compliance)
     if isinstance(contact, PlaneContact):
         yield from negative("radius", contact.radius)
         if abs(math.hypot(*contact.normal) - 1.0) > PARALLEL:
             yield Finding("normal", "it is no unit vector; divide it by its length")
     else:
         yield from _range_findings(contact)
+
+
+def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[Finding]:
+    """Find numbers of which no force of a compliant contact can be made."""
+    found = [*number_findings(compliance)]
+    yield from found
+    if found:
+        return
+    e, speed = contact.restitution, compliance.impact_speed
+    if not compliance.stiffness > 0.0:
+        message = f"it is {compliance.stiffness:g}; it must be greater than zero, or delete it: a "
+        yield Finding("stiffness", f"{message}contact without stiffness is rigid")
+    if not 1.0 <= compliance.exponent <= LARGEST_EXPONENT:
+        message = f"it is {compliance.exponent:g}; give 1 (linear), 1.5 (Hertz) or another up to "
+        yield Finding("exponent", f"{message}{LARGEST_EXPONENT:g}")
+    if e < LEAST_RESTITUTION:
+        message = f"it is {e:g}; damping of a compliant contact gives {LEAST_RESTITUTION:g} to 1: "
+        yield Finding("restitution", f"{message}give more, or delete <stiffness>: it is rigid then")
+    if speed is not None and not speed > 0.0:
+        yield Finding("impact_speed", f"it is {speed:g}; it must be greater than zero")
+    if speed is None and e < 1.0:
+        message = f"with a damping by which the restitution is {e:g} at one speed of impact, it is "
+        message += "another at others; add <impactSpeed>, the speed at which it is that"
+        yield Finding("restitution", message)
 
 
 def _range_findings(contact: JointLimit | DistanceLimit) -> Iterator[Finding]:
@@ -65,6 +94,8 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         if value <= FIT * (contact.upper or contact.lower or 0.0):
             yield Finding("", "its points coincide at t = 0, which leaves it without a direction")
             return
+    if contact.compliance is not None:
+        return  # it may begin with a depth
     size = max(math.hypot(*here), math.hypot(*there), context.extent)
     for side in sides_of(contact):
         depth = -side.sign * (value - side.limit)

@@ -5,9 +5,16 @@ from msahl.check.context import INERTIAL
 from msahl.deck.ends import is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
 from msahl.deck.motions import UNIT
+from msahl.deck.springs import QUANTITIES
+from msahl.deck.units import DEFAULTS, to_si
 from msahl.deck.values import Reader
-from msahl.model.contacts import Contact, DistanceLimit, JointLimit, PlaneContact
+from msahl.model.contacts import Compliance, Contact, DistanceLimit, JointLimit, PlaneContact
 
+COMPLIANT = ("exponent", "impactSpeed")
+"""Tags of what only compliant contacts have."""
+SPEED = {"angle": "angularVelocity", "slide": "velocity"}
+LOAD = {"angle": "moment", "slide": "force"}
+"""Physical quantities along each coordinate."""
 CONTACTS = ("jointLimit", "distanceLimit", "planeContact")
 """Tags of contacts."""
 
@@ -20,16 +27,16 @@ def read_contact(element: Element, reader: Reader) -> Contact:
         return contact
     ends, name = read_ends(element, reader), text(element.find("name"))
     points = (ends.parent, ends.child, ends.parent_point, ends.child_point)
-    restitution = reader.number(element.find("restitution"))
+    law = _law(element, "slide", reader)
     if element.tag == "distanceLimit":
         lower, upper = _range(element, "length", reader)
-        contact = DistanceLimit(name, *points, lower, upper, restitution)
+        contact = DistanceLimit(name, *points, lower, upper, *law)
     else:
         normal = side_direction(element, "parent", "normal", reader) or (0.0, 0.0, 1.0)
         if reader.is_known(ends.parent):
             normal = reader.context.rotated(normal, INERTIAL, ends.parent)
         radius = reader.number(element.find("radius"), "length")
-        contact = PlaneContact(name, *points, normal, radius, restitution)
+        contact = PlaneContact(name, *points, normal, radius, *law)
     reader.add(element, contact_findings(contact, reader.context))
     if is_placed(element, ends, reader):
         reader.add(element, overlap_findings(contact, reader.context))
@@ -39,14 +46,52 @@ def read_contact(element: Element, reader: Reader) -> Contact:
 def _joint_limit(element: Element, reader: Reader) -> JointLimit:
     coordinate = text(element.find("coordinate"))
     lower, upper = _range(element, UNIT[coordinate], reader)
+    restitution, compliance = _law(element, coordinate, reader)
     return JointLimit(
         name=text(element.find("name")),
         joint=text(element.find("joint")),
         coordinate=coordinate,
         lower=lower,
         upper=upper,
-        restitution=reader.number(element.find("restitution")),
+        restitution=restitution,
+        compliance=compliance,
     )
+
+
+def _law(
+    element: Element, coordinate: str, reader: Reader
+) -> tuple[float, Compliance | None]:
+    """Return the restitution of a contact along a coordinate, and its compliance if it has one."""
+    stiffness, given = element.find("stiffness"), element.find("restitution")
+    if stiffness is None:
+        for tag in COMPLIANT:
+            place = element.find(tag)
+            if place is not None:
+                message = f"<{tag}> is that of a compliant contact; add a <stiffness>, or delete it"
+                reader.faults.add(place, message)
+        return reader.number(given), None
+    speed, exponent = element.find("impactSpeed"), element.find("exponent")
+    power = 1.0 if exponent is None else reader.number(exponent)
+    compliance = Compliance(
+        stiffness=_stiffness(stiffness, power, coordinate, reader),
+        exponent=power,
+        impact_speed=None if speed is None else reader.number(speed, SPEED[coordinate]),
+    )
+    return 1.0 if given is None else reader.number(given), compliance
+
+
+def _stiffness(element: Element, power: float, coordinate: str, reader: Reader) -> float:
+    """Return the stiffness [N/m^n, or N m/rad^n] of a contact with the exponent n = ``power``."""
+    if power == 1.0:
+        return reader.number(element, QUANTITIES[coordinate][0])
+    load, along = DEFAULTS[reader.unit_system][LOAD[coordinate]], UNIT[coordinate]
+    base = DEFAULTS[reader.unit_system][along]
+    if element.get("units"):
+        message = f"with the exponent {power:g} it is in {load}/{base}^{power:g}; delete units"
+        reader.faults.add(element, message)
+        return 1.0
+    value = reader.number(element) * to_si(1.0, load, LOAD[coordinate])
+    return reader.limited(element, value / to_si(1.0, base, along) ** power)
 
 
 def _range(element: Element, quantity: str, reader: Reader) -> tuple[float | None, float | None]:

@@ -8,6 +8,7 @@ from msahl.algebra.vector import IDENTITY, Matrix, Vector, transpose
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import crossed_references, frame, shared_references, unit
 from msahl.check.joints import SCALES
+from msahl.deck.contacts import SPEED
 from msahl.deck.couplings import QUANTITIES as COUPLED
 from msahl.deck.elements import child, law, number, number_unless, numbers, table, vector
 from msahl.deck.ends import SIDES, carried
@@ -36,6 +37,7 @@ from msahl.model import (
     PointMotion,
     SpringDamper,
 )
+from msahl.model.contacts import Contact
 
 Sides = tuple[Matrix, Matrix]
 
@@ -159,7 +161,7 @@ def _distance_limit(group: Element, limit: DistanceLimit, context: Context) -> N
 def _range(element: Element, limit: JointLimit | DistanceLimit, quantity: str) -> None:
     number(element, "lower", limit.lower, quantity)
     number(element, "upper", limit.upper, quantity)
-    number_unless(element, 0.0, "restitution", limit.restitution)
+    _contact_law(element, limit, getattr(limit, "coordinate", "slide"))
 
 
 def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> None:
@@ -167,7 +169,19 @@ def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> N
     parent, _ = _ends(element, contact, None)
     vector(parent, "normal", contact.normal)
     number_unless(element, 0.0, "radius", contact.radius, "length")
-    number_unless(element, 0.0, "restitution", contact.restitution)
+    _contact_law(element, contact, "slide")
+
+
+def _contact_law(element: Element, contact: Contact, coordinate: str) -> None:
+    """Add what a contact along a ``coordinate`` does with impacts."""
+    law = contact.compliance
+    number_unless(element, 0.0 if law is None else 1.0, "restitution", contact.restitution)
+    if law is not None:
+        is_linear = law.exponent == 1.0
+        unit = QUANTITIES[coordinate][0] if is_linear else ""
+        number(element, "stiffness", law.stiffness, unit)
+        number_unless(element, 1.0, "exponent", law.exponent)
+        number(element, "impactSpeed", law.impact_speed, SPEED[coordinate])
 
 
 def _concentrated(group: Element, load: ConcentratedLoad, context: Context) -> None:

@@ -75,6 +75,11 @@ class Model:
         return tuple(side for contact in self.rigid_contacts for side in sides_of(contact))
 
     @property
+    def compliant_sides(self) -> tuple[ContactSide, ...]:
+        """The sides of all compliant contacts, likewise."""
+        return tuple(side for contact in self.compliant_contacts for side in sides_of(contact))
+
+    @property
     def constrained(
         self,
     ) -> "tuple[Constrained, ...]":

@@ -362,6 +362,30 @@ def energy(group: AlongForces, laws: Laws, start: CoordinatesWorkspace, out: np.
 
 
 @kernel
+def presses_itself(group: AlongForces) -> bool:
+    """Return whether there is a compliant contact."""
+    found = False
+    for s in range(group.joint.size):
+        found = found or group.joint[s] == OWN_TENSION
+    return found
+
+
+@kernel
+def publish_loads(
+    group: AlongForces, laws: Laws, place: ScalarWorkspace, table: np.ndarray, row: int
+) -> None:
+    """Write the loads [N or N m] of compliant contacts to the last columns of a ``row``."""
+    column = table.shape[1]
+    for s in range(group.joint.size - 1, -1, -1):
+        if group.joint[s] == OWN_TENSION:
+            column -= 1
+            T, _ = tension(group, laws, s, elongation(group, place.coordinates, s))
+            rate = place.rate[group.coordinate[s]]
+            R, _ = law_resistance(group.law[s], group.constants[s], rate, abs(T))
+            table[row, column] = 0.0 - T - R
+
+
+@kernel
 def by_reactions(group: AlongForces) -> bool:
     """Return whether a force depends on the joints' reactions."""
     found = False

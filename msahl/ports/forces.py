@@ -739,6 +739,22 @@ def publish_energy(
 
 
 @kernel
+def publish_contacts(
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Write the loads of compliant contacts at the prepared configuration to the last columns of a
+    ``row`` of the table of reactions.
+    """
+    if scalar is not None and coordinate.presses_itself(forces.along):
+        _set_rates(scalar, start.place, start.motion)
+        coordinate.publish_loads(forces.along, forces.laws, start.place, table, row)
+
+
+@kernel
 def depend_on_reactions(forces: Forces) -> bool:
     """Return whether a force depends on the joints' reactions."""
     return coordinate.by_reactions(forces.along)
@@ -765,6 +781,11 @@ def held_switches(forces: Forces) -> np.ndarray:
 def energy_columns(forces: Forces) -> int:
     """Return the number of columns of elastic energy in the table of work."""
     return len({*forces.along.energy_column.tolist()} - {-1})
+
+
+def loads_of_contacts(forces: Forces) -> int:
+    """Return the number of columns of loads of compliant contacts."""
+    return int(np.count_nonzero(forces.along.joint == coordinate.OWN_TENSION))
 
 
 def signal_values(forces: Forces) -> int:

@@ -126,7 +126,7 @@ def _along(name: str, model: Model) -> str:
     for element in (*model.motions, *model.loads):
         if element.name == name:
             return getattr(element, "coordinate", "slide")
-    for side in model.contact_sides:
+    for side in (*model.contact_sides, *model.compliant_sides):
         if side.name == name:
             return getattr(side.contact, "coordinate", "slide")
     joint, _, coordinate = name.rpartition(".")

@@ -26,7 +26,13 @@ from msahl.formulations.absolute.rigid_body import (
     RigidBodiesWorkspace,
 )
 from msahl.model.scheme import Decay
-from msahl.ports.forces import Forces, ForcesWorkspace, energy_columns, signal_values
+from msahl.ports.forces import (
+    Forces,
+    ForcesWorkspace,
+    energy_columns,
+    loads_of_contacts,
+    signal_values,
+)
 from msahl.ports.forces import new_workspace as new_forces_workspace
 
 
@@ -192,6 +198,7 @@ def new_tables(system: System, state: State, rows: int, accelerations: bool = Fa
     """Return tables for ``rows`` output times, with those of ``accelerations`` if wanted."""
     states, shown = STATE_SIZE * system.bodies.frame.size, system.shown
     reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_equation.size
+    reactions += loads_of_contacts(system.forces)
     if system.scalar:
         reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
     beams = system.beams.column.size if system.beams else 0

@@ -88,13 +88,15 @@ def coordinate_columns(model: Model, levels: int) -> list[str]:
 
 def reaction_columns(model: Model) -> list[str]:
     """Header of ``reactions.csv``: of each joint force and, if it has one, moment; of couplings and
-    motions the load [N or N m], of motions the power [W] as well, of contacts the load again.
+    motions the load [N or N m], of motions the power [W] as well, of contacts the load again, the
+    compliant ones behind the rigid ones.
     """
     joints = [f"{joint.name}.{c}" for joint in model.joints for c in joint_columns(joint)]
     couplings = [f"{coupling.name}.{LOAD_COLUMN}" for coupling in model.couplings]
     columns_of_motion = (LOAD_COLUMN, POWER_COLUMN)
     motions = [f"{motion.name}.{c}" for motion in model.motions for c in columns_of_motion]
-    contacts = [f"{side.name}.{LOAD_COLUMN}" for side in model.contact_sides]
+    sides = (*model.contact_sides, *model.compliant_sides)
+    contacts = [f"{side.name}.{LOAD_COLUMN}" for side in sides]
     return ["time", *joints, *couplings, *motions, *contacts]
 
 

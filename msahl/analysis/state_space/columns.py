@@ -342,6 +342,7 @@ def _force_row(point: Point, state: State) -> dict[str, np.ndarray]:
         tables.reactions,
         0,
     )
+    forces.publish_contacts(system.forces, start.forces, system.scalar, tables.reactions, 0)
     forces.elastic_energy(system.forces, start.forces, system.scalar)
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, 0)
     beams.set_strains(system.beams, start.beams)

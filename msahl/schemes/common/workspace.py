@@ -114,6 +114,7 @@ def write_configuration(
     reactions.write_reactions(
         system.shown, system.scalar, reaction, force, t, tables.reactions, row
     )
+    forces.publish_contacts(system.forces, start.forces, system.scalar, tables.reactions, row)
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
     group = system.forces
