@@ -58,9 +58,7 @@ def _joint_limit(element: Element, reader: Reader) -> JointLimit:
     )
 
 
-def _law(
-    element: Element, coordinate: str, reader: Reader
-) -> tuple[float, Compliance | None]:
+def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Compliance | None]:
     """Return the restitution of a contact along a coordinate, and its compliance if it has one."""
     stiffness, given = element.find("stiffness"), element.find("restitution")
     if stiffness is None:

@@ -60,8 +60,8 @@ AT_ENDS = 1e-6
 steps do not end for what happens in so small a part at their ends."""
 
 
-KINK = Law("linear", (0.0, 1e99, 0.0, 0.0))
-"""A law with a break at zero, for what has one kink."""
+KINK = Law("linear", (0.0, 0.0))
+"""A table of one entry, at zero: a law with one break."""
 
 
 class Span(NamedTuple):

@@ -17,9 +17,9 @@ whose left side, integrated from v to -e v, is zero, so with chi = c v
 
     ln((1 + chi)/(1 - chi e)) = chi (1 + e)
 
-or chi - ln(1 + chi) = -chi e - ln(1 - chi e), which depends neither on mass, nor on stiffness and exponent. So a coefficient of restitution e at an
-approach speed v determines c (``damping_of``). That of slower impacts is nearer to 1, that of faster
-ones less: e is about 1 - 2/3 c v. Along a step the resistance has the mean of T.
+or chi - ln(1 + chi) = -chi e - ln(1 - chi e), which depends neither on mass, nor on stiffness and
+exponent. So a coefficient of restitution e at an approach speed v determines c (``damping_of``).
+That of slower impacts is nearer to 1, that of faster ones less: e is about 1 - 2/3 c v.
 
 Source: Hunt, Crossley, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl.
 Mech. 42 (1975), for the law; they give c for small losses only.

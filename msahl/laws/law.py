@@ -82,8 +82,8 @@ class CoordinateLaw(NamedTuple):
     its derivative by the rate, with N the magnitude of the joint's reaction force. ``c`` are the
     numbers of ``fields``. ``mean_tension(c, q, dq, free)``, the quotient of the potential's change
     and dq, with its derivative by dq, is computed from the other two where a law does not give it.
-    ``by_reaction`` marks a resistance that depends on N, ``by_tension`` one whose N is the magnitude
-    of T instead, to which it is proportional; ``width`` names the number of a resistance that rises
+    ``by_reaction`` marks a resistance that depends on N, ``by_tension`` one whose N is the size of
+    T instead, to which it is proportional; ``width`` names the number of a resistance that rises
     within a small rate: that rate.
     """
 

@@ -19,8 +19,8 @@ POISSON, NEWTON = IMPACT_LAWS = ("poisson", "newton")
 
 @record
 class Compliance:
-    """The force of a contact is ``stiffness`` times depth^``exponent`` [N/m^n, or N m/rad^n], and in
-    an impact at ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not
+    """The force of a contact is ``stiffness`` [N/m^n, or N m/rad^n] times depth^``exponent``. In an
+    impact at ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not
     damped, and the restitution is 1."""
 
     stiffness: float

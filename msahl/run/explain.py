@@ -205,7 +205,7 @@ def _omitted_terms(model: Model, integrators: Sequence[SubsystemIntegrator]) -> 
         "equations along axes (sliding joints, springs)": all(
             integrator.workspace.system.scalar is None for integrator in integrators
         ),
-        "loads": not model.loads,
+        "loads": not (model.loads or model.compliant_contacts),
     }
     names = [name for name, missing in absent.items() if missing]
     if names:

@@ -100,7 +100,7 @@ def has_signals(model: Model) -> bool:
 def tables_of_model(model: Model) -> dict[str, list[str]]:
     """The tables that a run of the ``model`` writes, with their columns; that of errors apart."""
     tables = {STATES: state_columns(model)}
-    if model.constrained:
+    if model.constrained or model.compliant_contacts:
         tables[REACTIONS] = reaction_columns(model)
     if workers(model) or model.beams:
         tables[WORK] = work_columns(model)

@@ -131,7 +131,10 @@ def _excluded(model: Model, system: System) -> str:
     rates = scalar is not None and not scalar.equations.holonomic.all()
     reasons = (
         (bool(unknown), f"{', '.join(unknown)} have no joint coordinates"),
-        (bool(model.rigid_contacts), "contacts open and close, which joint coordinates do not follow"),
+        (
+            bool(model.rigid_contacts),
+            "contacts open and close, which joint coordinates do not follow",
+        ),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),

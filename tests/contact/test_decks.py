@@ -44,7 +44,9 @@ def test_records_are_those_of_the_deck():
     assert wall.lower == pytest.approx(-0.5235987755982988, abs=1e-16)
 
 
-@pytest.mark.parametrize("name", ["bouncing_ball", "slack_rope", "pendulum_at_a_wall"])
+@pytest.mark.parametrize(
+    "name", ["bouncing_ball", "slack_rope", "pendulum_at_a_wall", "hertz_impact", "buffers"]
+)
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
     model = deck(name)
     model = replace(model, simulation=replace(model.simulation, impact_law="newton"))
@@ -56,7 +58,27 @@ def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
     assert check(model) == []
 
 
+SOFT = "<stiffness>1e4</stiffness>"
 FAULTS = {
+    "no stiffness": (BALL, "<rest", "<exponent>1.5</exponent><rest", "add a <stiffness>"),
+    "no speed of a rigid one": (BALL, "<rest", "<impactSpeed>1</impactSpeed><rest", "compliant"),
+    "restitution without its speed": (BALL, "<rest", f"{SOFT}<rest", "add <impactSpeed>"),
+    "no rebound": (
+        BALL,
+        "<restitution>0.8",
+        f"{SOFT}<impactSpeed>1</impactSpeed><restitution>0.01",
+        "delete <stiffness>",
+    ),
+    "no speed": (BALL, "<rest", f"{SOFT}<impactSpeed>0</impactSpeed><rest", "greater than zero"),
+    "soft": (BALL, "<rest", "<stiffness>0</stiffness><rest", "greater than zero"),
+    "exponent": (BALL, "<rest", f"{SOFT}<exponent>0.5</exponent><rest", "1.5 (Hertz)"),
+    "unit by exponent": (
+        BALL,
+        "<rest",
+        '<stiffness units="N/mm">9</stiffness><exponent>1.5</exponent><rest',
+        "N/m^1.5; delete units",
+    ),
+    "unit of an angle": (WALL, "<rest", '<stiffness units="N/mm">9</stiffness><rest', "N-m/rad"),
     "overlap": (BALL, "<z>1.1</z>", "<z>0.05</z>", "0.05 m below the plane at t = 0"),
     "too long": (
         ROPE,
@@ -138,7 +160,7 @@ def test_python_results_have_events(tmp_path):
 def test_analyses_refuse_contacts(tmp_path, command):
     done = CliRunner().invoke(main, [command, str(DECKS / "bouncing_ball.xml")])
     assert done.exit_code != 0
-    assert "has contacts (Floor)" in done.output
+    assert "has rigid contacts (Floor)" in done.output
 
 
 def test_explain_says_why_steps_are_in_absolute_coordinates():

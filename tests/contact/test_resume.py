@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import msahl.run.loop
-from msahl.model import Options
+from msahl.model import Compliance, Options
 from msahl.model.scheme import split
 from msahl.run.tables import EVENTS, TABLES
 from tests.contact.models import ball, pendulum
+from tests.contact.test_compliant import ball as soft_ball
 from tests.support.models import deck, run_in_memory
 
 
@@ -45,6 +46,10 @@ CASES = [
     ("slack_rope", "gauss3", 90),
     ("slack_rope", "radau2", 200),
     ("slack_rope", "gauss3", 30),
+    # In the first contact, and in the flight after it.
+    ("compliant", "preserving", 24),
+    ("compliant", "gauss2", 24),
+    ("compliant", "gauss3", 40),
 ]
 
 
@@ -54,6 +59,9 @@ def test_given_steps(monkeypatch, name, scheme, steps, error):
     if name == "ball":
         model = ball(0.8)
         model = replace(model, simulation=replace(model.simulation, dt=0.02, t_final=5.0))
+    elif name == "compliant":
+        model = soft_ball(Compliance(2e3, 1.5, 1.0), 0.1, 0.7, 0.0, 9.81)
+        model = replace(model, simulation=replace(model.simulation, dt=0.006, t_final=1.0))
     else:
         model = pendulum(0.8) if name.startswith("pend") else deck(name)
     family, degree = split(scheme)

@@ -31,6 +31,7 @@ from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 from tests.support.element_samples import (
+    CONTACTS,
     COUPLINGS,
     ELEMENTS,
     JOINTS,
@@ -183,6 +184,7 @@ def test_every_element_of_the_deck_is_here():
     assert {*JOINTS} == {*KINDS}
     assert _elements(COUPLINGS) == {*COORDINATES}
     assert _elements(MOTIONS) == {*read.MOTIONS}
+    assert _elements(CONTACTS) == {*read.CONTACTS}
     assert _elements(LOADS) == {*read.LOADS} - resultants
 
 

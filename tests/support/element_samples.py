@@ -17,16 +17,20 @@ from msahl.expressions.syntax import Call, Lookup, Name, parse
 from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     Bushing,
+    Compliance,
     ConcentratedLoad,
     Coupling,
+    DistanceLimit,
     Joint,
     JointActuator,
+    JointLimit,
     JointLoad,
     JointMotion,
     JointSpring,
     Law,
     Marker,
     MarkerActuator,
+    PlaneContact,
     PointLoad,
     PointMotion,
     Signal,
@@ -455,6 +459,41 @@ LOADS = {
 }
 
 
+SOFT = {"restitution": 0.6, "compliance": Compliance(3.0, 1.5, 20.0)}
+"""Of contacts that are so deep that random motions do not leave them."""
+
+
+def in_contact(contact):
+    """Two free bodies, or two with a cylindrical joint, and a compliant contact."""
+
+    def make(rng, gravity=True):
+        is_limit = isinstance(contact, JointLimit)
+        model = (
+            jointed_bodies(rng, gravity, "cylindrical")
+            if is_limit
+            else free_bodies(rng, 2, gravity)
+        )
+        return replace(model, contacts=(contact,))
+
+    return make
+
+
+CONTACTS = {
+    "jointLimit": in_contact(JointLimit("C", "J0", "slide", 5.0, None, **SOFT)),
+    "jointLimit, angle": in_contact(JointLimit("C", "J0", "angle", None, -5.0, **SOFT)),
+    "distanceLimit": in_contact(
+        DistanceLimit("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), lower=6.0, **SOFT)
+    ),
+    "planeContact": in_contact(
+        PlaneContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), (0.6, 0.0, 0.8)),
+            radius=6.0,
+            **SOFT,
+        )
+    ),
+}
+
+
 def of_kind(kind: str) -> Callable:
     return lambda rng, gravity=True: joint_model(kind, rng, gravity)
 
@@ -472,6 +511,7 @@ ELEMENTS = {
     **COUPLINGS,
     **MOTIONS,
     **LOADS,
+    **CONTACTS,
 }
 
 
@@ -488,7 +528,7 @@ def everything(rng, gravity=True):
 def side_by_side(parts):
     """All ``parts`` in one model, with the gravity of the first, and their first bodies' names."""
     renamed = [_renamed(part, f"{k}") for k, part in enumerate(parts)]
-    kinds = ("bodies", "joints", "couplings", "motions", "loads", "markers", "signals")
+    kinds = ("bodies", "joints", "couplings", "motions", "contacts", "loads", "markers", "signals")
     everyone = {
         kind: tuple(element for part in renamed for element in getattr(part, kind))
         for kind in kinds
@@ -518,7 +558,7 @@ def _renamed(model, mark):
             **trees,
         )
 
-    fields = ("bodies", "joints", "couplings", "motions", "loads", "markers", "signals")
+    fields = ("bodies", "joints", "couplings", "motions", "contacts", "loads", "markers", "signals")
     return replace(model, **{f: tuple(new(e) for e in getattr(model, f)) for f in fields})
 
 
