@@ -1,14 +1,17 @@
 """Compliant contacts: their law, order, restitution and energy, against closed forms."""
 
+import csv
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from msahl.cli.main import main
 from msahl.laws.contact import CONTACT, damping_of
 from msahl.model import Compliance, DistanceLimit, Joint, JointLimit, PlaneContact
 from tests.contact.models import run_events
-from tests.support.models import GROUND, body, build_model
+from tests.support.models import GROUND, ROOT, body, build_model
 
 HERTZ = Compliance(1e8, 1.5)
 DURATION, LARGEST = 0.00203046203682776, 1811.94915919424
@@ -187,3 +190,63 @@ def test_a_rope_that_gives_way_is_a_spring_while_it_is_taut():
     left = 0.5 - 0.05 - taut
     assert sink.table("states")[-1, [1, 7]] == pytest.approx([1.0 - 2.0 * left, -2.0], abs=1e-9)
     assert report.extremes["energyErrorMax"] < 1e-10
+
+
+def resting_deck(tmp_path):
+    """The deck of Hertz's impact with gravity, at rest with a depth that is too large."""
+    text = (ROOT / "decks" / "contact" / "hertz_impact.xml").read_text()
+    for old, new in (
+        ("<bodies>", "<gravity><g3>-9.81</g3></gravity><bodies>"),
+        ("<v3>-1</v3>", "<v3>0</v3>"),
+        ("<z>0.1</z>", "<z>0.0995</z>"),
+    ):
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "rest.xml"
+    path.write_text(text)
+    return path
+
+
+def test_a_ball_rests_on_a_compliant_floor_and_vibrates(tmp_path):
+    """Depth (m g/k)^(1/n), and the stiffness there n k d^(n - 1)."""
+    done = CliRunner().invoke(
+        main, ["equilibrium", str(resting_deck(tmp_path)), "-o", str(tmp_path / "eq")]
+    )
+    assert done.exit_code == 0, done.output
+    depth = (9.81 / 1e8) ** (2.0 / 3.0)
+    (states,) = rows_of(tmp_path / "eq" / "states.csv")
+    (loads,) = rows_of(tmp_path / "eq" / "reactions.csv")
+    assert float(states["Ball.z"]) == pytest.approx(0.1 - depth, abs=1e-14)
+    assert float(loads["Floor.load"]) == pytest.approx(9.81, rel=1e-10)
+    found = tmp_path / "eq" / "equilibrium1.xml"
+    done = CliRunner().invoke(main, ["modes", str(found), "-o", str(tmp_path / "modes")])
+    assert done.exit_code == 0, done.output
+    largest = max(float(row["imaginary"]) for row in rows_of(tmp_path / "modes" / "modes.csv"))
+    assert largest == pytest.approx(math.sqrt(1.5e8 * math.sqrt(depth)), rel=1e-9)
+
+
+def rows_of(path):
+    with path.open() as table:
+        return [*csv.DictReader(table)]
+
+
+def test_gradients_refuse_compliant_contacts(tmp_path):
+    text = (ROOT / "decks" / "contact" / "hertz_impact.xml").read_text()
+    text = text.replace(
+        "<system>", '<parameters><parameter name="k">1e8</parameter></parameters><system>'
+    )
+    path = tmp_path / "k.xml"
+    path.write_text(text.replace("<stiffness>1e8<", "<stiffness>{k}<"))
+    command = [
+        "run",
+        str(path),
+        "--gradient",
+        "Ball.z final",
+        "--wrt",
+        "k",
+        "-o",
+        str(tmp_path / "run"),
+    ]
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 3
+    assert "compliant contacts (Floor)" in done.output
