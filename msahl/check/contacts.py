@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from msahl.algebra.vector import dot, sub
+from msahl.algebra.vector import axpy, dot, sub
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
@@ -17,6 +17,7 @@ from msahl.model.contacts import (
     DistanceLimit,
     JointLimit,
     PlaneContact,
+    SphereContact,
     sides_of,
 )
 
@@ -40,8 +41,24 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         yield from negative("radius", contact.radius)
         if abs(math.hypot(*contact.normal) - 1.0) > PARALLEL:
             yield Finding("normal", "it is no unit vector; divide it by its length")
+    elif isinstance(contact, SphereContact):
+        yield from _radius_findings(contact)
     else:
         yield from _range_findings(contact)
+
+
+def _radius_findings(contact: SphereContact) -> Iterator[Finding]:
+    yield from negative("radius", contact.radius)
+    outer, inner = contact.parent_radius, contact.radius
+    if outer == 0.0:
+        yield Finding(
+            "parent_radius", "it is zero; give the radius, less than zero if it is hollow"
+        )
+    if outer < 0.0 and not inner < -outer:
+        message = f"it is {inner:g} m, and that of the hollow parent {-outer:g} m; give less"
+        yield Finding("radius", message)
+    if contact.axis is not None and abs(math.hypot(*contact.axis) - 1.0) > PARALLEL:
+        yield Finding("axis", "it is no unit vector; divide it by its length")
 
 
 def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[Finding]:
@@ -90,8 +107,11 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
     if isinstance(contact, PlaneContact):
         value = dot(D, context.rotated(contact.normal, contact.parent, INERTIAL))
     else:
+        if isinstance(contact, SphereContact) and contact.axis is not None:
+            axis = context.rotated(contact.axis, contact.parent, INERTIAL)
+            D = axpy(-dot(axis, D), axis, D)
         value = math.hypot(*D)
-        if value <= FIT * (contact.upper or contact.lower or 0.0):
+        if value <= FIT * max(side.limit for side in sides_of(contact)):
             yield Finding("", "its points coincide at t = 0, which leaves it without a direction")
             return
     if contact.compliance is not None:
@@ -106,6 +126,8 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
 def _overlap(side: ContactSide, depth: float) -> str:
     if isinstance(side.contact, PlaneContact):
         return f"it is {depth:.4g} m below the plane at t = 0; move one of the bodies apart"
+    if isinstance(side.contact, SphereContact):
+        return f"it overlaps by {depth:.4g} m at t = 0; move one of the bodies, or change a radius"
     end, way = ("lower", "below") if side.is_lower else ("upper", "above")
     return (
         f"the distance is {depth:.4g} m {way} its {end} limit at t = 0; move one of the bodies, or "

@@ -1,21 +1,30 @@
 """Reader of contacts: elements -> records."""
 
+from msahl.algebra.vector import Vector
 from msahl.check.contacts import contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
-from msahl.deck.ends import is_placed, read_ends, side_direction
+from msahl.deck.ends import Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
 from msahl.deck.motions import UNIT
 from msahl.deck.springs import QUANTITIES
 from msahl.deck.units import DEFAULTS, to_si
 from msahl.deck.values import Reader
-from msahl.model.contacts import Compliance, Contact, DistanceLimit, JointLimit, PlaneContact
+from msahl.model.contacts import (
+    BetweenPoints,
+    Compliance,
+    Contact,
+    DistanceLimit,
+    JointLimit,
+    PlaneContact,
+    SphereContact,
+)
 
 COMPLIANT = ("exponent", "impactSpeed")
 """Tags of what only compliant contacts have."""
 SPEED = {"angle": "angularVelocity", "slide": "velocity"}
 LOAD = {"angle": "moment", "slide": "force"}
 """Physical quantities along each coordinate."""
-CONTACTS = ("jointLimit", "distanceLimit", "planeContact")
+CONTACTS = ("jointLimit", "distanceLimit", "planeContact", "sphereContact", "cylinderContact")
 """Tags of contacts."""
 
 
@@ -25,22 +34,36 @@ def read_contact(element: Element, reader: Reader) -> Contact:
         contact: Contact = _joint_limit(element, reader)
         reader.add(element, contact_findings(contact, reader.context))
         return contact
-    ends, name = read_ends(element, reader), text(element.find("name"))
-    points = (ends.parent, ends.child, ends.parent_point, ends.child_point)
-    law = _law(element, "slide", reader)
-    if element.tag == "distanceLimit":
-        lower, upper = _range(element, "length", reader)
-        contact = DistanceLimit(name, *points, lower, upper, *law)
-    else:
-        normal = side_direction(element, "parent", "normal", reader) or (0.0, 0.0, 1.0)
-        if reader.is_known(ends.parent):
-            normal = reader.context.rotated(normal, INERTIAL, ends.parent)
-        radius = reader.number(element.find("radius"), "length")
-        contact = PlaneContact(name, *points, normal, radius, *law)
+    ends = read_ends(element, reader)
+    contact = _between_points(element, ends, reader)
     reader.add(element, contact_findings(contact, reader.context))
     if is_placed(element, ends, reader):
         reader.add(element, overlap_findings(contact, reader.context))
     return contact
+
+
+def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoints:
+    name, law = text(element.find("name")), _law(element, "slide", reader)
+    points = (ends.parent, ends.child, ends.parent_point, ends.child_point)
+    if element.tag == "distanceLimit":
+        return DistanceLimit(name, *points, *_range(element, "length", reader), *law)
+    radius = reader.number(element.find("radius"), "length")
+    if element.tag == "planeContact":
+        normal = _parents_direction(element, "normal", ends, reader)
+        return PlaneContact(name, *points, normal, radius, *law)
+    axis = None
+    if element.tag == "cylinderContact":
+        axis = _parents_direction(element, "axis", ends, reader)
+    parent_radius = reader.number(element.find("parentRadius"), "length")
+    return SphereContact(name, *points, parent_radius, radius, axis, *law)
+
+
+def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -> Vector:
+    """Return a unit vector of the parent's end, in the parent's axes."""
+    direction = side_direction(element, "parent", tag, reader) or (0.0, 0.0, 1.0)
+    if reader.is_known(ends.parent):
+        direction = reader.context.rotated(direction, INERTIAL, ends.parent)
+    return direction
 
 
 def _joint_limit(element: Element, reader: Reader) -> JointLimit:

@@ -48,7 +48,12 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
 INERTIAL_BASIS = "inertial"
 """Names the inertial axes as the basis of a vector, if no body is called so."""
 
-PLACES = {"inertia": "moi", "free_length": "freeLength", "impact_speed": "impactSpeed"}
+PLACES = {
+    "inertia": "moi",
+    "free_length": "freeLength",
+    "impact_speed": "impactSpeed",
+    "parent_radius": "parentRadius",
+}
 """Child that holds a part of a record, where its tag is not the part's name."""
 
 REFERENCES = {

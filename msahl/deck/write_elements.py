@@ -35,9 +35,10 @@ from msahl.model import (
     PlaneContact,
     PointLoad,
     PointMotion,
+    SphereContact,
     SpringDamper,
 )
-from msahl.model.contacts import Contact
+from msahl.model.contacts import BetweenPoints, Contact
 
 Sides = tuple[Matrix, Matrix]
 
@@ -95,7 +96,7 @@ def _named(group: Element, tag: str, name: str) -> Element:
 
 def _ends(
     element: Element,
-    record: Joint | SpringDamper | Bushing | DistanceLimit | PlaneContact,
+    record: Joint | SpringDamper | Bushing | BetweenPoints,
     frames: Sides | None,
 ) -> tuple[Element, Element]:
     """Add both ends of an element, with ``frames`` if there are some, and return them."""
@@ -168,6 +169,17 @@ def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> N
     element = _named(group, "planeContact", contact.name)
     parent, _ = _ends(element, contact, None)
     vector(parent, "normal", contact.normal)
+    number_unless(element, 0.0, "radius", contact.radius, "length")
+    _contact_law(element, contact, "slide")
+
+
+def _sphere_contact(group: Element, contact: SphereContact, context: Context) -> None:
+    tag = "sphereContact" if contact.axis is None else "cylinderContact"
+    element = _named(group, tag, contact.name)
+    parent, _ = _ends(element, contact, None)
+    if contact.axis is not None:
+        vector(parent, "axis", contact.axis)
+    number(element, "parentRadius", contact.parent_radius, "length")
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
 
@@ -295,6 +307,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     JointLimit: _joint_limit,
     DistanceLimit: _distance_limit,
     PlaneContact: _plane_contact,
+    SphereContact: _sphere_contact,
     ConcentratedLoad: _concentrated,
     SpringDamper: _spring_damper,
     JointSpring: _joint_spring,

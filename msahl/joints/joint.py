@@ -161,6 +161,13 @@ def distance() -> Coordinate:
 def axis_distance(joint: Joint) -> Coordinate:
     """Distance of the child's point from the parent's axis [m]."""
     x, y, _ = joint.parent_axes
+    return distance_across(x, y)
+
+
+def distance_across(x: Vector, y: Vector) -> Coordinate:
+    """Distance of the child's point from the line through the parent's point that is normal to the
+    perpendicular unit vectors ``x`` and ``y`` of the parent [m].
+    """
     return Coordinate(RADIUS, (Product(SLIDE, x), Product(SLIDE, y)))
 
 

@@ -3,7 +3,14 @@
 from msahl.algebra.functions import Law
 from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
-from msahl.model.contacts import Compliance, ContactSide, DistanceLimit, JointLimit, PlaneContact
+from msahl.model.contacts import (
+    Compliance,
+    ContactSide,
+    DistanceLimit,
+    JointLimit,
+    PlaneContact,
+    SphereContact,
+)
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -73,6 +80,7 @@ __all__ = [
     "SignalState",
     "SignalTable",
     "Simulation",
+    "SphereContact",
     "SpringDamper",
     "Stop",
     "resolve",

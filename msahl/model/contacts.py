@@ -75,7 +75,27 @@ class PlaneContact:
     compliance: Compliance | None = None
 
 
-Contact: TypeAlias = JointLimit | DistanceLimit | PlaneContact
+@record
+class SphereContact:
+    """A sphere of the child, or a point (``radius`` 0), is outside of a sphere of the parent about
+    ``parent_point``; with an ``axis``, a unit vector in the parent's axes, of a cylinder about the
+    line through that point. If ``parent_radius`` is negative they are hollow, and the child is
+    inside. Points and radii [m] as above."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_radius: float
+    radius: float = 0.0
+    axis: Vector | None = None
+    restitution: float = 0.0
+    compliance: Compliance | None = None
+
+
+BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact
+Contact: TypeAlias = JointLimit | BetweenPoints
 
 
 @record
@@ -97,6 +117,9 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     """Return the sides of a contact, the lower one first."""
     if isinstance(contact, PlaneContact):
         return (ContactSide(contact.name, contact, True, contact.radius),)
+    if isinstance(contact, SphereContact):
+        limit = abs(contact.parent_radius + contact.radius)
+        return (ContactSide(contact.name, contact, contact.parent_radius >= 0.0, limit),)
     given = [
         (lower, limit)
         for lower, limit in ((True, contact.lower), (False, contact.upper))

@@ -14,6 +14,7 @@ import numpy as np
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO, Vector, sub
+from msahl.check import directions
 from msahl.elements.beams.build import node_shares
 from msahl.joints.coordinates import angle_offset
 from msahl.joints.joint import (
@@ -24,6 +25,7 @@ from msahl.joints.joint import (
     Y,
     Z,
     distance,
+    distance_across,
     in_plane,
     perpendicular,
 )
@@ -36,11 +38,12 @@ from msahl.laws.spring import SPRING
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
 from msahl.model.contacts import (
+    BetweenPoints,
     Contact,
     ContactSide,
-    DistanceLimit,
     JointLimit,
     PlaneContact,
+    SphereContact,
     sides_of,
 )
 from msahl.model.couplings import COORDINATES, Coupling
@@ -222,7 +225,7 @@ class _Collector:
         pair = Pair(a, b, s_a, self.elements.add_point(b, end.point))
         return self._add(distance(), pair)
 
-    def _pair(self, joint: Joint | SpringDamper | Bushing | DistanceLimit | PlaneContact) -> Pair:
+    def _pair(self, joint: Joint | SpringDamper | Bushing | BetweenPoints) -> Pair:
         a, b = self.elements.frame[joint.parent], self.elements.frame[joint.child]
         s_a = self.elements.add_point(a, joint.parent_point)
         return Pair(a, b, s_a, self.elements.add_point(b, joint.child_point))
@@ -292,8 +295,12 @@ class _Collector:
         """Return the number of the coordinate of a contact."""
         if isinstance(contact, JointLimit):
             return self._joint_coordinate(contact.joint, contact.coordinate)
-        is_plane = isinstance(contact, PlaneContact)
-        along = in_plane(contact.normal).first if is_plane else distance()
+        along = distance()
+        if isinstance(contact, PlaneContact):
+            along = in_plane(contact.normal).first
+        elif isinstance(contact, SphereContact) and contact.axis is not None:
+            x, y, _ = directions.frame(contact.axis)
+            along = distance_across(x, y)
         return self._add(along, self._pair(contact))
 
     def _compliant_contact(self, column: int, contact: Contact) -> None:

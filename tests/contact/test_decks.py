@@ -18,6 +18,8 @@ from tests.support.models import ROOT, deck
 DECKS = ROOT / "decks" / "contact"
 BALL = (DECKS / "bouncing_ball.xml").read_text()
 ROPE = (DECKS / "slack_rope.xml").read_text()
+BILLIARD = (DECKS / "billiard.xml").read_text()
+TROUGH = (DECKS / "trough.xml").read_text()
 WALL = (DECKS / "pendulum_at_a_wall.xml").read_text()
 
 
@@ -45,7 +47,16 @@ def test_records_are_those_of_the_deck():
 
 
 @pytest.mark.parametrize(
-    "name", ["bouncing_ball", "slack_rope", "pendulum_at_a_wall", "hertz_impact", "buffers"]
+    "name",
+    [
+        "bouncing_ball",
+        "slack_rope",
+        "pendulum_at_a_wall",
+        "hertz_impact",
+        "buffers",
+        "billiard",
+        "trough",
+    ],
 )
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
     model = deck(name)
@@ -60,6 +71,17 @@ def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
 
 SOFT = "<stiffness>1e4</stiffness>"
 FAULTS = {
+    "spheres overlap": (BILLIARD, "<x>-0.4</x>", "<x>-0.04</x>", "overlaps by 0.01 m"),
+    "no radius": (BILLIARD, '"mm">30</parentRadius>', '"mm">0</parentRadius>', "it is zero"),
+    "too large for a hollow one": (
+        TROUGH,
+        '<parentRadius units="m">-1<',
+        "<parentRadius>-0.1<",
+        "give less",
+    ),
+    "outside of a hollow one": (TROUGH, "<z>-0.45</z>", "<z>-0.55</z>", "overlaps by 0.05"),
+    "on the axis": (TROUGH, "<x>{0.9*sin(60*pi/180)}</x><z>-0.45</z>", "<y>3</y>", "coincide"),
+    "no axis": (TROUGH, "<axis><y>1</y></axis>", "<axis><y>0</y></axis>", "axis is zero"),
     "no stiffness": (BALL, "<rest", "<exponent>1.5</exponent><rest", "add a <stiffness>"),
     "no speed of a rigid one": (BALL, "<rest", "<impactSpeed>1</impactSpeed><rest", "compliant"),
     "restitution without its speed": (BALL, "<rest", f"{SOFT}<rest", "add <impactSpeed>"),

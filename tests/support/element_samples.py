@@ -36,6 +36,7 @@ from msahl.model import (
     Signal,
     SignalState,
     SignalTable,
+    SphereContact,
     SpringDamper,
 )
 from tests.support.models import (
@@ -490,6 +491,18 @@ CONTACTS = {
             radius=6.0,
             **SOFT,
         )
+    ),
+    "sphereContact": in_contact(
+        SphereContact("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), 4.0, 2.0, **SOFT)
+    ),
+    "cylinderContact": in_contact(
+        SphereContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), 4.0, 2.0, (0.6, 0.0, 0.8)),
+            **SOFT,
+        )
+    ),
+    "sphereContact, hollow": in_contact(
+        SphereContact("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), -0.3, 0.1, **SOFT)
     ),
 }
 
