@@ -1,6 +1,10 @@
 """Reader of contacts: elements -> records."""
 
-from msahl.algebra.vector import Vector
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+
+from msahl.algebra.vector import Vector, add
 from msahl.check.contacts import contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
 from msahl.deck.ends import Ends, is_placed, read_ends, side_direction
@@ -28,18 +32,57 @@ CONTACTS = ("jointLimit", "distanceLimit", "planeContact", "sphereContact", "cyl
 """Tags of contacts."""
 
 
-def read_contact(element: Element, reader: Reader) -> Contact:
-    """Return the record of a contact of any kind."""
+def read_contacts(elements: Sequence[Element], reader: Reader) -> Iterator[Contact]:
+    """Yield the records of contacts of any kind; a box or a capsule has several."""
+    names = {text(element.find("name")) for element in elements}
+    for element in elements:
+        for contact in _read_contact(element, reader):
+            if contact.name != text(element.find("name")) and contact.name in names:
+                message = (
+                    f"its part '{contact.name}' has the name of another contact; choose another"
+                )
+                reader.faults.add(element, message)
+            yield contact
+
+
+def _read_contact(element: Element, reader: Reader) -> list[Contact]:
     if element.tag == "jointLimit":
-        contact: Contact = _joint_limit(element, reader)
-        reader.add(element, contact_findings(contact, reader.context))
-        return contact
+        limit = _joint_limit(element, reader)
+        reader.add(element, contact_findings(limit, reader.context))
+        return [limit]
     ends = read_ends(element, reader)
     contact = _between_points(element, ends, reader)
     reader.add(element, contact_findings(contact, reader.context))
+    points = _points(element, ends, reader)
+    parts: list[Contact] = [contact]
+    if points:
+        parts = [
+            replace(contact, name=f"{contact.name}.{k}", child_point=point)
+            for k, point in enumerate(points, start=1)
+        ]
     if is_placed(element, ends, reader):
-        reader.add(element, overlap_findings(contact, reader.context))
-    return contact
+        findings = [overlap_findings(part, reader.context) for part in parts]
+        reader.add(element, [finding for found in findings for finding in found])
+    return parts
+
+
+def _points(element: Element, ends: Ends, reader: Reader) -> list[Vector]:
+    """Return the points of a capsule's ends or of a box's corners, child's axes [m]; none of a
+    sphere.
+    """
+    other, box = element.find("capsuleEnd"), element.find("box")
+    if other is not None and box is not None:
+        reader.faults.add(box, "it is a capsule as well by <capsuleEnd>; delete one of them")
+    if other is not None and reader.is_known(ends.child):
+        return [ends.child_point, reader.vector(other, own=ends.child, wanted=ends.child)]
+    if box is None:
+        return []
+    sizes = reader.numbers(box, ("x", "y", "z"), "length")
+    for tag, size in zip(("x", "y", "z"), sizes, strict=True):
+        if size < 0.0:
+            reader.faults.add(box, f"{tag} is {size:g} m; it must not be less than zero")
+    halves = product(*(sorted({-0.5 * size, 0.5 * size}) for size in sizes))
+    return [add(ends.child_point, (x, y, z)) for x, y, z in halves]
 
 
 def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoints:

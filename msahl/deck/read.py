@@ -21,7 +21,7 @@ from msahl.check.signals import circle_findings
 from msahl.deck.alike import BodiesAlike, joints_alike
 from msahl.deck.attachments import attach_to_beams
 from msahl.deck.bodies import BODIES
-from msahl.deck.contacts import CONTACTS, read_contact
+from msahl.deck.contacts import CONTACTS, read_contacts
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joint_start import gives_starts
@@ -184,7 +184,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         unit_system=reader.unit_system,
         couplings=tuple(couplings),
         motions=tuple(motions),
-        contacts=tuple(read_contact(e, reader) for e in sound["contacts"]),
+        contacts=tuple(read_contacts(sound["contacts"], reader)),
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,

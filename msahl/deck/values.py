@@ -38,6 +38,7 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "end": ("length", ("x", "y", "z")),
     "centre": ("length", ("x", "y", "z")),
     "point": ("length", ("x", "y", "z")),
+    "capsuleEnd": ("length", ("x", "y", "z")),
     "axis": ("", ("x", "y", "z")),
     "reference": ("", ("x", "y", "z")),
     "direction": ("", ("x", "y", "z")),
