@@ -9,7 +9,7 @@ from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
 from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
-from msahl.laws.contact import LEAST_RESTITUTION
+from msahl.laws.restitution import LEAST_RESTITUTION
 from msahl.model.contacts import (
     Compliance,
     Contact,

@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import product
 
 from msahl.algebra.vector import Vector, add
-from msahl.check.contacts import contact_findings, overlap_findings
+from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
 from msahl.deck.ends import Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
@@ -81,8 +81,8 @@ def _points(element: Element, ends: Ends, reader: Reader) -> list[Vector]:
     for tag, size in zip(("x", "y", "z"), sizes, strict=True):
         if size < 0.0:
             reader.faults.add(box, f"{tag} is {size:g} m; it must not be less than zero")
-    halves = product(*(sorted({-0.5 * size, 0.5 * size}) for size in sizes))
-    return [add(ends.child_point, (x, y, z)) for x, y, z in halves]
+    corners = product(*(sorted({-0.5 * size, 0.5 * size}) for size in sizes))
+    return [add(ends.child_point, (x, y, z)) for x, y, z in corners]
 
 
 def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoints:
@@ -154,6 +154,8 @@ def _stiffness(element: Element, power: float, coordinate: str, reader: Reader) 
         message = f"with the exponent {power:g} it is in {load}/{base}^{power:g}; delete units"
         reader.faults.add(element, message)
         return 1.0
+    if abs(power) > LARGEST_EXPONENT:
+        return 1.0  # the exponent is a fault
     value = reader.number(element) * to_si(1.0, load, LOAD[coordinate])
     return reader.limited(element, value / to_si(1.0, base, along) ** power)
 

@@ -31,9 +31,10 @@ from msahl.joints.joint import (
 )
 from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
-from msahl.laws.contact import CONTACT, damping_of
+from msahl.laws.contact import CONTACT
 from msahl.laws.law import CoordinateLaw
 from msahl.laws.registry import COORDINATE_LAWS, JOINT_LAWS, Parameters
+from msahl.laws.restitution import damping_of
 from msahl.laws.spring import SPRING
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped

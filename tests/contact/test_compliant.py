@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
-from msahl.laws.contact import CONTACT, damping_of
+from msahl.laws.contact import CONTACT
+from msahl.laws.restitution import damping_of
 from msahl.model import Compliance, DistanceLimit, Joint, JointLimit, PlaneContact
 from tests.contact.models import run_events
 from tests.support.models import GROUND, ROOT, body, build_model

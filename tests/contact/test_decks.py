@@ -100,6 +100,12 @@ FAULTS = {
         '<stiffness units="N/mm">9</stiffness><exponent>1.5</exponent><rest',
         "N/m^1.5; delete units",
     ),
+    "exponent of another world": (
+        BALL.replace("<unitSystem>SI<", "<unitSystem>US<"),
+        "<rest",
+        "<stiffness>9</stiffness><exponent>1e90</exponent><rest",
+        "1.5 (Hertz)",
+    ),
     "unit of an angle": (WALL, "<rest", '<stiffness units="N/mm">9</stiffness><rest', "N-m/rad"),
     "overlap": (BALL, "<z>1.1</z>", "<z>0.05</z>", "0.05 m below the plane at t = 0"),
     "too long": (
@@ -154,6 +160,20 @@ def test_faults_have_line_and_remedy(tmp_path, case):
     message = faults_of(tmp_path, text, old, new)
     assert words in message
     assert message.startswith(str(tmp_path / "deck.xml:"))
+
+
+def test_a_stiffness_is_that_of_the_unit_system(tmp_path):
+    """1 lbf/ft^1.5 and 1 lbf-ft/rad^1.5 in N and m."""
+    path, given = tmp_path / "us.xml", "<stiffness>2</stiffness><exponent>1.5</exponent>"
+    for text, wanted in (
+        (BALL, 2.0 * 4.4482216152605 / 0.3048**1.5),
+        (WALL, 2.0 * 4.4482216152605 * 0.3048),
+    ):
+        text = text.replace("<unitSystem>SI<", "<unitSystem>US<")
+        path.write_text(text.replace("<restitution>0.8</restitution>", given))
+        (contact,) = read_deck(path).contacts
+        assert contact.compliance.stiffness == pytest.approx(wanted, rel=1e-15)
+        assert (contact.compliance.exponent, contact.restitution) == (1.5, 1.0)
 
 
 def test_a_run_leaves_its_events(tmp_path):
