@@ -16,6 +16,7 @@ KINDS = {
     "joints": "joint",
     "motions": "motion",
     "contacts": "contact",
+    "events": "event",
     "loads": "load",
     "markers": "marker",
     "groups": "group",
@@ -213,5 +214,5 @@ def _record(element: Element) -> str:
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
     if parent is None or kind is None:
         return ""
-    name = text(element.find("name"))
+    name = text(element.find("name")) or attribute(element, "name")
     return f"{kind} '{name}'" if name else f"{kind} {parent.index(element) + 1}"

@@ -62,7 +62,13 @@ def place_by_joints(root: Element, reader: Reader) -> None:
     """Place the bodies that have no position of their own, and give those without velocities of
     their own the velocities by the joints, of which the deck gives coordinates or rates.
     """
-    elements = [e for e in root.iterfind("system/joints/*") if e.tag in KINDS]
+    released = reader.context.released
+    elements = [
+        e
+        for e in root.iterfind("system/joints/*")
+        if e.tag in KINDS
+        and not (text(e.find("name")) in released and e.find("initialConditions") is None)
+    ]
     with np.errstate(all="ignore"):
         placing = _Placing(root, elements, reader)
         if placing.is_sound:

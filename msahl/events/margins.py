@@ -14,12 +14,14 @@ counts in one ``direction`` (1: y rises, -1: y falls) or in both (0). What follo
 
     END     the run ends there
     SPLIT   the step ends there, and the next one begins: a law is not smooth there
-    CONTACT likewise, and before the next one begins contacts open or close (``contact``)
+    CONTACT likewise, and before the next one begins contacts open or close (``contact``), or an
+            event of the deck releases and engages constraints (``switching``)
 
 A margin that is at a level, to within ``near`` times the size of its piece or level, is free to
 leave to either side: so a step can begin at an event. With ``near`` 0 it never is. The margin of a
 switch that is held has its range on the side where it is held. That of a contact has it where its
-``direction`` comes from, however near it is, and may be beyond by ``near``, which is round-off.
+``direction`` comes from, however near it is, and may be beyond by ``near``, which is round-off. So
+has that of the condition of an event, which waits for the condition to become true, or false again.
 
 What changes at times that are known before the motion is (``expressions.known_times``) has no
 margin: steps end there, and each switch holds its value between them.
@@ -47,6 +49,7 @@ from msahl.jit.kernel import apart, kernel
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
+from msahl.system.switches import FALLS, NEVER, Conditions
 
 EXPRESSION, COORDINATE, RATE, FORCE = range(4)
 END, SPLIT, CONTACT = range(3)
@@ -111,17 +114,24 @@ class Margins(NamedTuple):
 
 
 def build_margins(
-    system: System, order: int, span: Span, contacts: Contacts | None = None
+    system: System,
+    order: int,
+    span: Span,
+    contacts: Contacts | None = None,
+    conditions: Conditions | None = None,
 ) -> Margins | None:
     """Return the margins that the elements of a ``system`` have in steps of an ``order``; None if
     there is nothing to be examined.
 
     Steps of order 2 keep it where a force has a kink, and do not end there. Those of ``contacts``
-    are the last, and those which are open or closed now.
+    are the last, and those which are open or closed now; before them are those of the
+    ``conditions`` of events, for which ``await_conditions`` sets what they wait for.
     """
     signals = system.forces.signals
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
+    if conditions is not None:
+        found += [Margin(EXPRESSION, place, CONTACT) for place in conditions.place.tolist()]
     found += _of_contacts(system, contacts) if contacts is not None else ()
     known = known_to(signals, span.end, span.step)
     if span.resolves_inputs:
@@ -199,7 +209,16 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
             yield Margin(FORCE, place, CONTACT, direction=direction)
         else:
             gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
-            yield gap._replace(level=float(contacts.limit[k]), near=float(contacts.round_off[k]))
+            level = float(contacts.limit[k]) if contacts.acts[k] else direction * math.inf
+            yield gap._replace(level=level, near=float(contacts.round_off[k]))
+
+
+def await_conditions(margins: Margins, first: int, conditions: Conditions) -> None:
+    """Let the margins from the number ``first`` on wait for what the ``conditions`` wait for."""
+    own = slice(first, first + conditions.place.size)
+    margins.direction[own] = np.where(conditions.awaits == FALLS, -1, 1)
+    margins.level[own] = np.where(conditions.awaits == NEVER, math.inf, 0.0)
+    margins.near[own] = conditions.near
 
 
 def laws_of_time(system: System) -> np.ndarray:

@@ -1,18 +1,22 @@
-"""Contacts of a run, of all its subsystems: their events, and figures for the report."""
+"""Contacts and events of a run, of all its subsystems: what happened, and figures for the report."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from msahl.run.subsystem import SubsystemIntegrator
+
+if TYPE_CHECKING:
+    from msahl.contact.modes import ContactModes
+    from msahl.switching.modes import Switching
 
 
 def rows_of_events(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
     """Return the rows (m, columns) of ``events.csv`` that are not published yet, in order of time:
     objects, as some columns are words.
     """
-    found = [event for one in integrators if one.modes for event in one.modes.events]
+    found = [event for source in _sources(integrators) for event in source.events]
     rows = np.empty((len(found), len(found[0]) if found else 0), dtype=object)
     for k, event in enumerate(sorted(found, key=lambda event: event.time)):
         rows[k] = event
@@ -21,9 +25,24 @@ def rows_of_events(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
 
 def forget_events(integrators: Sequence[SubsystemIntegrator]) -> None:
     """Let all events so far count as published."""
-    for integrator in integrators:
-        if integrator.modes:
-            integrator.modes.forget_events()
+    for source in _sources(integrators):
+        source.forget_events()
+
+
+def _sources(integrators: Sequence[SubsystemIntegrator]) -> "list[ContactModes | Switching]":
+    """Return all that has events."""
+    pairs = ((one.switching, one.modes) for one in integrators)
+    return [source for pair in pairs for source in pair if source is not None]
+
+
+def happened(integrators: Sequence[SubsystemIntegrator]) -> dict[str, int]:
+    """Return how often each event of the deck happened, by name."""
+    found = [one.switching for one in integrators if one.switching]
+    return {
+        event.name: int(count)
+        for switching in found
+        for event, count in zip(switching.deck, switching.happened, strict=True)
+    }
 
 
 def omitted_heights(

@@ -31,6 +31,7 @@ from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
 from msahl.system.contacts import Contacts
 from msahl.system.cut import Cut
+from msahl.system.switches import Conditions
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
@@ -66,10 +67,11 @@ class CollocationMethod:
         storage: Storage | None = None,
         tree: tuple[Tree, Cut | None] | None = None,
         contacts: Contacts | None = None,
+        conditions: Conditions | None = None,
     ) -> None:
         self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
-        self.contacts = contacts
+        self.contacts, self.conditions = contacts, conditions
         self.fresh: dict[int, list[np.ndarray]] = {}  # memory of each degree as it was at first
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -133,7 +135,7 @@ class CollocationMethod:
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
-        if self.contacts is not None and degree not in self.fresh:
+        if (self.contacts or self.conditions) and degree not in self.fresh:
             kept = doubles_in(self.subsystem.stages)
             self.fresh[degree] = [array.copy() for array in kept]
         newton.reset_prediction(self.subsystem)
@@ -173,11 +175,12 @@ class CollocationMethod:
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
         order = COLLOCATION[self.scheme].order(degree)
-        margins = build_margins(self.workspace.system, order, self.span, self.contacts)
+        given = self.contacts, self.conditions
+        margins = build_margins(self.workspace.system, order, self.span, *given)
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
-        return Detection(margins, self.workspace, output, instant, self.storage, self.contacts)
+        return Detection(margins, self.workspace, output, instant, self.storage, *given)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
@@ -281,13 +284,13 @@ class AdaptiveStepper:
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
             "events": self.method.detection.counters if self.method.detection else {},
-            "contacts": self.contacts.modes.counters if self.contacts else {},
+            "contacts": self.contacts.counters if self.contacts else {},
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
         if self.contacts:
-            self.contacts.modes.restore(counters["contacts"])
+            self.contacts.restore(counters["contacts"])
             self.method = self.contacts.method
         self.method.restore(counters)
         self.chosen = counters["chosen"]

@@ -16,6 +16,7 @@ from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.contacts import Contacts
+from msahl.system.switches import Conditions
 
 if TYPE_CHECKING:
     from msahl.schemes.detection import Detection
@@ -45,13 +46,14 @@ class MidpointMethod:
         span: Span,
         storage: Storage,
         contacts: Contacts | None = None,
+        conditions: Conditions | None = None,
     ) -> None:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
-        self.detection = _new_detection(workspace, span, storage, contacts)
+        self.detection = _new_detection(workspace, span, storage, contacts, conditions)
 
     def set_forms(self, forms: np.ndarray) -> None:
         """See ``StepMethod``; there is one form."""
@@ -150,17 +152,21 @@ class MidpointMethod:
 
 
 def _new_detection(
-    workspace: Workspace, span: Span, storage: Storage, contacts: Contacts | None
+    workspace: Workspace,
+    span: Span,
+    storage: Storage,
+    contacts: Contacts | None,
+    conditions: Conditions | None,
 ) -> "Detection | None":
     """What detects events, if there can be any. The code is only loaded where it is needed."""
-    margins = build_margins(workspace.system, 2, span, contacts)
+    margins = build_margins(workspace.system, 2, span, contacts, conditions)
     if margins is None:
         return None
     from msahl.schemes.collocation.dense_output import new_dense_output
     from msahl.schemes.detection import Detection
 
     output = storage.place("dense output", new_dense_output(workspace, order=2, decays=False))
-    return Detection(margins, workspace, output, None, storage, contacts)
+    return Detection(margins, workspace, output, None, storage, contacts, conditions)
 
 
 @cache
