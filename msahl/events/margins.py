@@ -6,6 +6,7 @@ An event is that a scalar y of the motion reaches a level:
     COORDINATE   y is the coordinate of a joint                                 [m or rad]
     RATE         y is its rate                                              [m/s or rad/s]
     FORCE        y is a multiplier, by its place                                  [N or N m]
+    REACTING     y is an expression of joints' reactions at the same time, a place on the tape
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -39,6 +40,7 @@ from msahl.elements.constraints.equations import is_active
 from msahl.events.expressions import (
     NO_TIMES,
     all_laws,
+    depends_on_reactions,
     known_to,
     places_in_motion,
     with_fast_inputs,
@@ -51,7 +53,7 @@ from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
 from msahl.system.switches import FALLS, NEVER, Conditions
 
-EXPRESSION, COORDINATE, RATE, FORCE = range(4)
+EXPRESSION, COORDINATE, RATE, FORCE, REACTING = range(5)
 END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
@@ -131,7 +133,7 @@ def build_margins(
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
     if conditions is not None:
-        found += [Margin(EXPRESSION, place, CONTACT) for place in conditions.place.tolist()]
+        found += _of_conditions(system, conditions)
     found += _of_contacts(system, contacts) if contacts is not None else ()
     known = known_to(signals, span.end, span.step)
     if span.resolves_inputs:
@@ -139,7 +141,7 @@ def build_margins(
     if not found and known is None:
         return None
     kinds, count = {margin.kind for margin in found}, 0
-    if system.scalar is not None and kinds - {EXPRESSION}:
+    if system.scalar is not None and kinds - {EXPRESSION, REACTING}:
         count = system.scalar.coordinates.kind.size
     columns: dict[str, Any] = {
         name: np.array([getattr(margin, name) for margin in found], dtype=type(default))
@@ -150,7 +152,7 @@ def build_margins(
         laws=all_laws(signals, system.laws),
         held=np.zeros(0) if signals is None else signals.tape.held,
         known=known or NO_TIMES,
-        has_expressions=EXPRESSION in kinds,
+        has_expressions=bool(kinds & {EXPRESSION, REACTING}),
         coordinate=np.zeros(count),
         rate=np.zeros(count),
     )
@@ -195,6 +197,15 @@ def _of_breakpoints(system: System) -> Iterator[Margin]:
             yield Margin(COORDINATE, coordinate, SPLIT, law=law, origin=origin, near=NEAR)
     for coordinate, width in zip(*forces.rate_breakpoints(system.forces), strict=True):
         yield Margin(RATE, coordinate, SPLIT, level=width, near=NEAR)
+
+
+def _of_conditions(system: System, conditions: Conditions) -> Iterator[Margin]:
+    """Yield the margins of the conditions of events."""
+    signals = system.forces.signals
+    assert signals is not None
+    reacting = depends_on_reactions(signals)
+    for place in conditions.place.tolist():
+        yield Margin(REACTING if reacting[place] else EXPRESSION, place, CONTACT)
 
 
 def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:

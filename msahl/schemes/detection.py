@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import END, Margins, await_conditions
+from msahl.events.margins import END, FORCE, REACTING, Margins, await_conditions
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
@@ -69,7 +69,8 @@ class Detection:
     ) -> None:
         self.workspace, self.storage, self.conditions = workspace, storage, conditions
         self.contacts = 0 if contacts is None else contacts.row.size
-        pressing = new_instant(workspace.system, workspace.unknowns) if self.contacts else None
+        reacts = bool(np.isin(found.kind, (FORCE, REACTING)).any()) or self.contacts
+        pressing = new_instant(workspace.system, workspace.unknowns) if reacts else None
         fresh = new_detector(found, workspace.state, output, instant, pressing)
         self.detector: Detector = storage.place(("events", id(output)), fresh)
         self.splits = self.detector.divides or bool(found.known.time.size)

@@ -1,0 +1,63 @@
+"""Models with events, and the numbers that follow from closed forms."""
+
+from msahl.algebra.functions import Law
+from msahl.expressions.conditions import margin
+from msahl.expressions.syntax import parse
+from msahl.model import Coupling, Event, Joint, JointMotion, JointSpring, Marker
+from tests.support.models import GROUND, body, build_model
+
+DOWN = (0.0, 0.0, -9.81)
+ORIGIN = (0.0, 0.0, 0.0)
+Z_AXIS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+Y_AXIS = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+def event(name, condition, releases=(), engages=(), **others):
+    return Event(name, condition, margin(parse(condition)), releases, engages, **others)
+
+
+def revolute(name, parent, child, parent_point=ORIGIN, child_point=ORIGIN, axes=Z_AXIS):
+    return Joint(name, "revolute", parent, child, parent_point, child_point, axes, axes)
+
+
+def pendulum(condition, kind="spherical", **others):
+    """A bob of 1 kg at 1 m, let go from the horizontal and released at a condition."""
+    bodies = [body("Bob", 1.0, 0.01, (1.0, 0.0, 0.0))]
+    if kind == "revolute":
+        joint = revolute("Pivot", GROUND.name, "Bob", child_point=(-1.0, 0.0, 0.0), axes=Y_AXIS)
+    else:
+        joint = Joint("Pivot", kind, GROUND.name, "Bob", ORIGIN, (-1.0, 0.0, 0.0))
+    markers = (Marker("Tip", "Bob", ORIGIN, Z_AXIS),)
+    events = (event("LetGo", condition, ("Pivot",)),)
+    given = {"gravity": DOWN, "markers": markers, "events": events, "t_final": 1.0} | others
+    return build_model(bodies, [joint], **given)
+
+
+def flywheels(condition="t >= 0.5", ratio=1.0, **others):
+    """Two flywheels on one axis, and a clutch between them; the first has 10 rad/s."""
+    bodies = [
+        body("First", 2.0, 0.02, angular_velocity=(0.0, 0.0, 10.0)),
+        body("Second", 1.0, 0.03, (0.0, 0.0, 1.0)),
+    ]
+    joints = [
+        revolute("A", GROUND.name, "First"),
+        revolute("B", GROUND.name, "Second", parent_point=(0.0, 0.0, 1.0)),
+    ]
+    clutch = Coupling("Clutch", "gear", "A", "B", ratio)
+    events = (event("Shift", condition, engages=("Clutch",)),)
+    given = {"couplings": (clutch,), "events": events, "released": ("Clutch",), "t_final": 1.0}
+    return build_model(bodies, joints, **(given | others))
+
+
+def catch(**others):
+    """A mass of 1 kg falls by 0.5 m on a plate of 2 kg on a spring, which catches it."""
+    bodies = [body("Plate", 2.0, 0.01), body("Mass", 1.0, 0.01, (0.0, 0.0, 0.5))]
+    joints = [
+        Joint("Guide", "prismatic", GROUND.name, "Plate", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
+        Joint("Way", "prismatic", "Plate", "Mass", ORIGIN, (0.0, 0.0, -0.5), Z_AXIS, Z_AXIS),
+    ]
+    loads = [JointSpring("Spring", "Guide", "slide", 400.0, 0.0, 2.0 * 9.81 / 400.0)]
+    motions = (JointMotion("Latch", "Way", "slide", Law("constant", (0.0,))),)
+    events = (event("Catch", "Way.slide <= -0.5", engages=("Latch",)),)
+    given = {"motions": motions, "events": events, "released": ("Latch",), "t_final": 1.0}
+    return build_model(bodies, joints, loads, gravity=DOWN, **(given | others))
