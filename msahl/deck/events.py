@@ -2,9 +2,10 @@
 
 from msahl.check.events import event_findings, switchable_findings
 from msahl.deck.faults import Element, attribute, text
-from msahl.deck.signals import PURE, read_tree
+from msahl.deck.signals import read_tree
 from msahl.deck.values import Reader
 from msahl.expressions.conditions import margin
+from msahl.expressions.dimensions import PURE
 from msahl.expressions.syntax import inside_braces
 from msahl.model.events import Event
 

@@ -47,7 +47,9 @@ class Model:
     motions: tuple[JointMotion | PointMotion, ...] = ()
     contacts: tuple[Contact, ...] = ()
     events: tuple[Event, ...] = ()
-    released: tuple[str, ...] = ()  # names of what events may engage, and which does not act at t = 0
+    released: tuple[
+        str, ...
+    ] = ()  # names of what events may engage, and which does not act at t = 0
     position: str = "check"  # or "project": correct the positions by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
     markers: tuple[Marker, ...] = ()

@@ -1,4 +1,4 @@
-"""Contacts and events of a run, of all its subsystems: what happened, and figures for the report."""
+"""Contacts and events of a run, of all its subsystems: what happened, and figures."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -35,14 +35,27 @@ def _sources(integrators: Sequence[SubsystemIntegrator]) -> "list[ContactModes |
     return [source for pair in pairs for source in pair if source is not None]
 
 
-def happened(integrators: Sequence[SubsystemIntegrator]) -> dict[str, int]:
-    """Return how often each event of the deck happened, by name."""
+def event_figures(integrators: Sequence[SubsystemIntegrator]) -> dict[str, Any] | None:
+    """Return what ``run.json`` says of the deck's events; None if there are none."""
     found = [one.switching for one in integrators if one.switching]
+    if not found:
+        return None
+    states = [pair for switching in found for pair in switching.states()]
+    messages = [said for switching in found for said in switching.messages]
     return {
-        event.name: int(count)
-        for switching in found
-        for event, count in zip(switching.deck, switching.happened, strict=True)
+        "happened": {name: n for switching in found for name, n in switching.counts().items()},
+        "messages": sorted(messages, key=lambda said: float(said["time"])),
+        "energyLost": sum(switching.energy_lost() for switching in found),
+        "engaged": [name for name, acts in states if acts],
+        "released": [name for name, acts in states if not acts],
     }
+
+
+def events_that_never_happened(integrators: Sequence[SubsystemIntegrator]) -> list[str]:
+    """Return a warning for each event of the deck that did not happen."""
+    found = [one.switching for one in integrators if one.switching]
+    counts = [(name, n) for switching in found for name, n in switching.counts().items()]
+    return [f"event '{name}' did not happen during the run" for name, n in counts if not n]
 
 
 def omitted_heights(

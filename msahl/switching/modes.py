@@ -38,6 +38,8 @@ FITS = 1e-6
 """What is left of a constraint when it is engaged, over the size of the model, that is kept."""
 ROUND_OFF = 1e-12
 """Margin of a condition, over its largest value so far, that is zero."""
+MOST_MESSAGES = 100
+"""Messages kept for the summary of a run; events.csv has all."""
 MOST_AT_ONCE = 200
 """Most events at one time."""
 
@@ -72,6 +74,7 @@ class Switching:
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = 0
         self.happened = np.zeros(len(self.deck), dtype=np.int64)
+        self.messages: list[dict[str, Any]] = []  # the first ones
         self.last_time, self.repeated = np.nan, 0  # of the last event, and how often at that time
 
     @property
@@ -175,7 +178,8 @@ class Switching:
     def _engage(self, event: Event, k: int) -> None:
         """Engage element ``k`` at the present positions, which it must fit."""
         own, system = self.switches, self.system
-        assert own is not None and system.scalar is not None
+        assert own is not None
+        assert system.scalar is not None
         self.work_arrays.call(evaluate.prepare, system, self.state, self.work_arrays.start)
         start, of = self.work_arrays.start.scalar.coordinates, own.element == k
         now = switches.left_sides(system, own, k, start, float(self.state.time[0]))
@@ -193,8 +197,8 @@ class Switching:
 
     def _impossible(self, event: Event, name: str, reason: str) -> EventImpossible:
         return EventImpossible(
-            f"at t = {float(self.state.time[0]):.9g} s event '{event.name}' cannot engage '{name}': "
-            f"{reason}; let the event happen where it fits"
+            f"at t = {float(self.state.time[0]):.9g} s event '{event.name}' cannot engage "
+            f"'{name}': {reason}; let the event happen where it fits"
         )
 
     def _close_jump(
@@ -237,7 +241,8 @@ class Switching:
     ) -> tuple[float, float, float]:
         """Return speeds and impulse of an element: along its coordinate, or of a joint's points."""
         own, system = self.switches, self.system
-        assert own is not None and system.scalar is not None
+        assert own is not None
+        assert system.scalar is not None
         rows = own.row[own.element == own.names.index(name)]
         if rows.size == 1:
             scale, (node, slot) = (
@@ -285,6 +290,28 @@ class Switching:
             rows.append((ENGAGES, name, *closed.get(name, (0.0, 0.0, 0.0)), own))
         for row in rows or [(HAPPENS, "", 0.0, 0.0, 0.0, 0.0)]:
             self.events.append(ContactEvent(t, *row, *rest))
+        if event.message and len(self.messages) < MOST_MESSAGES:
+            self.messages.append({"time": t, "event": event.name, "message": event.message})
+
+    def counts(self) -> dict[str, int]:
+        """How often each event has happened, by name."""
+        names = (event.name for event in self.deck)
+        return dict(zip(names, self.happened.tolist(), strict=True))
+
+    def states(self) -> list[tuple[str, bool]]:
+        """Names of all that events release or engage, and whether it is engaged."""
+        own = self.switches
+        found = [] if own is None else list(zip(own.names, own.engaged.tolist(), strict=True))
+        if self.contacts is not None:
+            named = {name for event in self.deck for name in event.elements}
+            acts = dict(zip(self.sides.tolist(), self.contacts.contacts.acts.tolist(), strict=True))
+            found += [(name, on) for name, on in acts.items() if name in named]
+        return found
+
+    def energy_lost(self) -> float:
+        """Return the energy that events have taken so far [J]."""
+        own = slice(self.column, self.column + len(self.deck))
+        return 0.0 - float(self.state.work[own].sum())
 
     def forget_events(self) -> None:
         """Let the events so far count as published."""
@@ -302,6 +329,7 @@ class Switching:
             "awaits": self.conditions.awaits.tolist(),
             "size": self.size.tolist(),
             "happened": self.happened.tolist(),
+            "messages": [*self.messages],
             "events": [self.published, len(self.events)],
         }
 
@@ -312,6 +340,7 @@ class Switching:
         self.size = np.array(counters["size"])
         self._grow(self.size)
         self.happened[:] = counters["happened"]
+        self.messages = [*counters["messages"]]
         published, pending = counters["events"]
         if published == self.published:
             del self.events[pending:]

@@ -49,7 +49,6 @@ from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
-
 IDLE = Law("constant", (0.0,))
 """Law of time of prescribed motions that are released; the last law of a system with events."""
 

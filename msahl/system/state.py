@@ -85,7 +85,9 @@ def work_count(model: Model) -> int:
     decaying scheme's own.
     """
     damped = sum(map(is_damped, model.beams))
-    return work_of_events(model) + len(model.events) + damped + resolve(model.simulation).dissipative
+    return (
+        work_of_events(model) + len(model.events) + damped + resolve(model.simulation).dissipative
+    )
 
 
 def work_of_contacts(model: Model) -> int:

@@ -19,6 +19,7 @@ from msahl.formulations.absolute.frames import first_multiplier
 from msahl.joints.joint import Equation
 from msahl.model import Joint, Model
 from msahl.system.arrays import System
+from msahl.system.build import build_system
 from msahl.system.collect import collect, equations_of
 from msahl.system.parameters import tape_of
 
@@ -108,6 +109,18 @@ def with_own_laws(system: System) -> System:
     rows = system.scalar.equations
     own = system.scalar._replace(equations=rows._replace(law=rows.law.copy()))
     return system._replace(scalar=own)
+
+
+def build_released(model: Model) -> System:
+    """Return the system of a ``model`` with all switched elements released: what always holds."""
+    system = build_system(model)
+    found = switches_of(model, system) if model.switched else None
+    if found is None:
+        return system
+    system = with_own_laws(system)
+    for k in range(len(found.names)):
+        release(system, found, k)
+    return system
 
 
 def with_all_engaged(system: System, switches: Switches | None) -> System:

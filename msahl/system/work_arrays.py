@@ -14,7 +14,6 @@ from msahl.jit.storage import Storage
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
-
 PLAIN_CALLS = 2000
 """Calls of kernels that stay plain Python: those of a hundred events."""
 
@@ -36,6 +35,7 @@ class PlainFirst:
         self.size, self.calls = moving_count(system.frames), 0
 
     def __call__(self, kernel: Callable[..., Any], *given: Any) -> Any:
+        """Return what the ``kernel`` returns of what is ``given``."""
         self.calls += 1
         fast = self.size >= LARGE or self.calls > PLAIN_CALLS
         return (compiled_once(kernel) if fast else kernel)(*given)
