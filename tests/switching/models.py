@@ -3,7 +3,7 @@
 from msahl.algebra.functions import Law
 from msahl.expressions.conditions import margin
 from msahl.expressions.syntax import parse
-from msahl.model import Coupling, Event, Joint, JointMotion, JointSpring, Marker
+from msahl.model import Coupling, Event, Group, Joint, JointMotion, JointSpring, Marker
 from tests.support.models import GROUND, body, build_model
 
 DOWN = (0.0, 0.0, -9.81)
@@ -61,3 +61,23 @@ def catch(**others):
     events = (event("Catch", "Way.slide <= -0.5", engages=("Latch",)),)
     given = {"motions": motions, "events": events, "released": ("Latch",), "t_final": 1.0}
     return build_model(bodies, joints, loads, gravity=DOWN, **(given | others))
+
+
+def docking(**others):
+    """Two free bodies whose points meet; there a ball joint is engaged."""
+    bodies = [
+        body("A", 1.0, (0.02, 0.03, 0.04), velocity=(1.0, 0.0, 0.0)),
+        body("B", 2.0, (0.05, 0.04, 0.03), (1.0, 0.2, 0.1), velocity=(-0.5, 0.3, 0.0)),
+    ]
+    # Both points are at (0.5, 0, 0.1) at 0.3 s: bodies without rotation move evenly.
+    meet, t = (0.5, 0.0, 0.1), 0.3
+    s_a = tuple(p - (x + t * v) for p, x, v in zip(meet, (0.0,) * 3, (1.0, 0.0, 0.0), strict=True))
+    s_b = tuple(
+        p - (x + t * v) for p, x, v in zip(meet, (1.0, 0.2, 0.1), (-0.5, 0.3, 0.0), strict=True)
+    )
+    joints = [Joint("Dock", "spherical", "A", "B", s_a, s_b)]
+    markers = (Marker("PA", "A", s_a, Z_AXIS), Marker("PB", "B", s_b, Z_AXIS))
+    events = (event("Meet", "PB.x <= PA.x", engages=("Dock",)),)
+    given = {"markers": markers, "events": events, "released": ("Dock",), "t_final": 1.0}
+    given["groups"] = (Group("All", ("A", "B")),)
+    return build_model(bodies, joints, **(given | others))
