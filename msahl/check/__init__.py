@@ -214,7 +214,8 @@ def _lift(coupling: Any, context: Context) -> Iterator[Finding]:
 
 
 def _motion_faults(model: Model) -> Iterator[Fault]:
-    motions = [motion for motion in model.motions if isinstance(motion, JointMotion)]
+    acting = [motion for motion in model.motions if motion.name not in model.released]
+    motions = [motion for motion in acting if isinstance(motion, JointMotion)]
     pairs = [(motion.joint, motion.coordinate) for motion in motions]
     for index, message in repeated_motions(pairs, lambda first: f"'{motions[first].name}'"):
         yield Fault("motion", motions[index].name, "", message)

@@ -340,7 +340,8 @@ class _Placing:
                 start.rates |= dict(zip(coordinates.SPATIAL[1], w, strict=True))
         by_name = {start.joint.name: start for start, _ in self.starts}
         for element in self.root.iterfind("system/motions/jointMotion"):
-            if not self.reader.faults.sound(element):
+            released = text(element.find("name")) in self.reader.context.released
+            if released or not self.reader.faults.sound(element):
                 continue
             motion = read_joint_motion(element, self.reader)
             self.is_sound &= self.reader.faults.sound(element)

@@ -91,7 +91,9 @@ class ContactSteps:
         """Return the event of the deck whose condition has changed with the velocities, or None."""
         if self.switching is None:
             return None
-        return self.switching.next_due(method.detection.condition_values())
+        due = self.switching.next_due(method.detection.condition_values())
+        method.detection.set_conditions()
+        return due
 
     def enter(self, method: Any) -> Any:
         """Return the method for what is closed and engaged, which goes on where a ``method``

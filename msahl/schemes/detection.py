@@ -162,9 +162,10 @@ class Detection:
         """Let events after ``time`` [s] end the run, and know nothing of the steps before."""
         self.detector.figures[ARMED], self.detector.figures[KNOWN] = time, np.nan
         self.detector.event[0] = -1
-        self._await_conditions()
+        self.set_conditions()
 
-    def _await_conditions(self) -> None:
+    def set_conditions(self) -> None:
+        """Look for what the conditions of events wait for now."""
         if self.conditions is not None:
             await_conditions(self.detector.margins, self._first_condition, self.conditions)
 
@@ -208,7 +209,7 @@ class Detection:
     def follow(self, other: "Detection") -> None:
         """Take over the switches from ``other``, which had the contacts of another mode."""
         size = self._first_contact
-        self._await_conditions()
+        self.set_conditions()
         for name in KEPT[:-1]:
             getattr(self.detector, name)[:size] = getattr(other.detector, name)[:size]
         self.detector.slides[:] = other.detector.slides

@@ -113,11 +113,12 @@ class Switching:
         self._grow(sizes)
 
     def next_due(self, margins: np.ndarray) -> int | None:
-        """Return the first event whose condition is now what it waits for, by its ``margins`` (e,),
-        as velocities have jumped; None if there is none.
+        """Return the first event whose condition has become true, by its ``margins`` (e,), as
+        velocities have jumped; None if there is none. Those that have become false wait for true.
         """
         awaits, near = self.conditions.awaits, self.conditions.near
-        due = ((awaits == RISES) & (margins > near)) | ((awaits == FALLS) & (margins < -near))
+        awaits[(awaits == FALLS) & (margins < -near)] = RISES
+        due = (awaits == RISES) & (margins > near)
         return int(np.argmax(due)) if due.any() else None
 
     def reach(self, k: int) -> bool:
@@ -129,9 +130,16 @@ class Switching:
         if awaits[k] == FALLS:
             awaits[k] = RISES
             return False
+        before = self.counters, self.contacts and self.contacts.counters
+        try:
+            self._happen(event, k)
+        except EventImpossible:
+            self.restore(before[0])
+            if self.contacts is not None and before[1] is not None:
+                self.contacts.restore(before[1])
+            raise
         awaits[k] = FALLS if event.repeats else NEVER
         self.happened[k] += 1
-        self._happen(event, k)
         return bool(event.elements)
 
     def _count(self, k: int) -> None:

@@ -366,9 +366,9 @@ class AdaptiveStepper:
                 return done, None
             try:
                 self.method = self.contacts.change(self.method, seen)
-            except ContactsUnsolved as error:
+            except ContactsUnsolved as error:  # again, and without steps, when it is called next
                 self.contacts.fail(error)
-                return 0, None
+                return done, None
             t = float(self.workspace.state.time[0])
             self.control.figures[step_control.STOP] = t + self.contacts.time_left()
             assert self.method.detection
