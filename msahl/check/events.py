@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator
 
 from msahl.check.context import Context
-from msahl.check.faults import Finding, listed
+from msahl.check.faults import Finding
 from msahl.check.names import FORBIDDEN
 from msahl.check.signals import expression_findings
 from msahl.expressions.syntax import nearest
@@ -31,6 +31,5 @@ def event_findings(event: Event, context: Context) -> Iterator[Finding]:
 def switchable_findings(part: str, name: str, known: Collection[str]) -> Iterator[Finding]:
     """Find a name that is none of a joint, coupling, motion or contact."""
     if name not in known:
-        message = f"'{name}' is no joint, coupling, motion or contact of this model"
-        remedy = nearest(name, known) or f" (there are: {listed(known) or 'none'})"
-        yield Finding(part, message + remedy)
+        message = f"{part} '{name}' is no joint, coupling, motion or contact of this model"
+        yield Finding(part, message + nearest(name, known))

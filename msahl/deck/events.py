@@ -34,7 +34,7 @@ def read_event(element: Element, reader: Reader) -> Event:
 def read_released(element: Element, reader: Reader) -> str:
     """Return the name of an element that is released at t = 0."""
     name = text(element)
-    reader.add(element, switchable_findings("", name, reader.context.switchable))
+    reader.add(element, switchable_findings("released", name, reader.context.switchable))
     return name
 
 

@@ -92,7 +92,7 @@ class Switching:
         return choose(self.system, np.union1d(np.setdiff1d(self.before.free, own), now))
 
     def begin(self) -> None:
-        """Let conditions that hold at t = 0 wait to become false."""
+        """Let conditions that are true at t = 0 wait to become false."""
         call, start = self.work_arrays.call, self.work_arrays.start
         call(evaluate.prepare, self.system, self.state, start)
         signals = self.system.forces.signals
@@ -130,13 +130,13 @@ class Switching:
         if awaits[k] == FALLS:
             awaits[k] = RISES
             return False
-        before = self.counters, self.contacts and self.contacts.counters
+        before, contacts = self.counters, self.contacts.counters if self.contacts else {}
         try:
             self._happen(event, k)
         except EventImpossible:
-            self.restore(before[0])
-            if self.contacts is not None and before[1] is not None:
-                self.contacts.restore(before[1])
+            self.restore(before)
+            if self.contacts is not None:
+                self.contacts.restore(contacts)
             raise
         awaits[k] = FALLS if event.repeats else NEVER
         self.happened[k] += 1
@@ -291,13 +291,23 @@ class Switching:
         """Add the rows of an ``event``; the energy that it took stands beside the first element
         that is engaged.
         """
-        t, rest = float(self.state.time[0]), (0.0, event.name, event.message)
-        rows = [(RELEASES, name, 0.0, 0.0, 0.0, 0.0) for name in event.releases]
+        t = float(self.state.time[0])
+        numbers: dict[str, Any] = dict.fromkeys(ContactEvent._fields, 0.0)
+        row = ContactEvent(**numbers)._replace(time=t, event=event.name, message=event.message)
+        rows = [row._replace(kind=RELEASES, element=name) for name in event.releases]
         for name in event.engages:
-            own = lost if engaged[:1] == [name] else 0.0
-            rows.append((ENGAGES, name, *closed.get(name, (0.0, 0.0, 0.0)), own))
-        for row in rows or [(HAPPENS, "", 0.0, 0.0, 0.0, 0.0)]:
-            self.events.append(ContactEvent(t, *row, *rest))
+            before, after, impulse = closed.get(name, (0.0, 0.0, 0.0))
+            rows.append(
+                row._replace(
+                    kind=ENGAGES,
+                    element=name,
+                    speed_before=before,
+                    speed_after=after,
+                    impulse=impulse,
+                    energy_lost=lost if engaged[:1] == [name] else 0.0,
+                )
+            )
+        self.events += rows or [row._replace(kind=HAPPENS, element="")]
         if event.message and len(self.messages) < MOST_MESSAGES:
             self.messages.append({"time": t, "event": event.name, "message": event.message})
 

@@ -129,7 +129,8 @@ def with_all_engaged(system: System, switches: Switches | None) -> System:
         return system
     rows = system.scalar.equations
     coefficient, law = rows.coefficient.copy(), rows.law.copy()
-    coefficient[switches.row], law[switches.row] = switches.coefficient, switches.law
+    coefficient[switches.row] = switches.coefficient
+    law[switches.row] = switches.law
     equations = rows._replace(coefficient=coefficient, law=law)
     return system._replace(scalar=system.scalar._replace(equations=equations))
 
