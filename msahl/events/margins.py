@@ -75,6 +75,17 @@ class Span(NamedTuple):
     resolves_inputs: bool = False
 
 
+class Changing(NamedTuple):
+    """What changes constraints during a run."""
+
+    contacts: Contacts | None = None
+    conditions: Conditions | None = None  # of events of the deck
+
+
+UNCHANGING = Changing()
+"""Constraints are the same throughout a run."""
+
+
 class Margin(NamedTuple):
     """One margin; see the top of this module."""
 

@@ -46,7 +46,7 @@ class Run:
     errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
     others: dict[str, pd.DataFrame] = field(default_factory=dict)  # all other tables, by name
     drives: pd.DataFrame | None = None  # loads that produce a given motion
-    events: pd.DataFrame | None = None  # of contacts; None if the model has none
+    events: pd.DataFrame | None = None  # of contacts and events; None if the model has none
 
     @property
     def time(self) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.elements.signals.group import begin_angles
-from msahl.events.margins import Span
+from msahl.events.margins import Changing, Span
 from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.lanes import LANES
@@ -315,12 +315,12 @@ def _new_stepper(
     instantaneous, span = details
     modes, switching = changing
     changes = modes is not None or switching is not None
-    given = (modes.contacts if modes else None, switching.conditions if switching else None)
+    given = Changing(modes.contacts if modes else None, switching.conditions if switching else None)
     if not settings.degree:
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
             place = Storage() if changes else storage
-            return MidpointMethod(own, instantaneous, span, place, *given)
+            return MidpointMethod(own, instantaneous, span, place, given)
 
         contacts = _new_contact_steps(changing, workspace, new_midpoint)
         return FixedStepper(
@@ -338,7 +338,7 @@ def _new_stepper(
     degree = settings.degree if tolerance is None else degrees[len(degrees) // 2]
 
     def new_collocation(own: Workspace) -> CollocationMethod:
-        place = (span, Storage(), None, *given) if changes else rest
+        place = (span, Storage(), None, given) if changes else rest
         return CollocationMethod(own, settings.family, degree, *place)
 
     contacts = _new_contact_steps(changing, workspace, new_collocation)

@@ -1,7 +1,7 @@
-"""Steps of a subsystem with contacts or events of the deck: a ``StepMethod`` for each set of closed
-contacts and engaged elements.
+"""Steps of a subsystem with contacts or events of the deck: a ``StepMethod`` for each mode.
 
-All of them advance the same state; they differ in the unknowns, and so in factors and stages.
+A mode is a set of closed contacts and engaged elements. All methods advance the same state; they
+differ in the unknowns, and so in factors and stages.
 """
 
 import math

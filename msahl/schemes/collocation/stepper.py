@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from msahl.contact.modes import ContactsUnsolved
-from msahl.events.margins import Span, build_margins
+from msahl.events.margins import UNCHANGING, Changing, Span, build_margins
 from msahl.events.search import Event
 from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call, compiled
@@ -29,9 +29,7 @@ from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
-from msahl.system.contacts import Contacts
 from msahl.system.cut import Cut
-from msahl.system.switches import Conditions
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
@@ -66,12 +64,11 @@ class CollocationMethod:
         span: Span,
         storage: Storage | None = None,
         tree: tuple[Tree, Cut | None] | None = None,
-        contacts: Contacts | None = None,
-        conditions: Conditions | None = None,
+        changing: Changing = UNCHANGING,
     ) -> None:
         self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
-        self.contacts, self.conditions = contacts, conditions
+        self.changing = changing
         self.fresh: dict[int, list[np.ndarray]] = {}  # memory of each degree as it was at first
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -135,7 +132,7 @@ class CollocationMethod:
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
-        if (self.contacts or self.conditions) and degree not in self.fresh:
+        if any(self.changing) and degree not in self.fresh:
             kept = doubles_in(self.subsystem.stages)
             self.fresh[degree] = [array.copy() for array in kept]
         newton.reset_prediction(self.subsystem)
@@ -175,12 +172,11 @@ class CollocationMethod:
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
         order = COLLOCATION[self.scheme].order(degree)
-        given = self.contacts, self.conditions
-        margins = build_margins(self.workspace.system, order, self.span, *given)
+        margins = build_margins(self.workspace.system, order, self.span, *self.changing)
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
-        return Detection(margins, self.workspace, output, instant, self.storage, *given)
+        return Detection(margins, self.workspace, output, instant, self.storage, *self.changing)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
