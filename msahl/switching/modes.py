@@ -38,6 +38,8 @@ FITS = 1e-6
 """What is left of a constraint when it is engaged, over the size of the model, that is kept."""
 ROUND_OFF = 1e-12
 """Margin of a condition, over its largest value so far, that is zero."""
+RELAXED_ROUNDS = 3
+"""Solutions of an impulse where joints are redundant, whose relaxation weakens each of them."""
 MOST_MESSAGES = 100
 """Messages kept for the summary of a run; events.csv has all."""
 MOST_AT_ONCE = 200
@@ -221,18 +223,21 @@ class Switching:
         rate = self._rates()
         rows = np.zeros((node_count(system), 3))
         first = first_multiplier(system.frames)
-        rows[first:] = -rate
         R = self.work_arrays.start.frames.R.copy()
         values = jacobian_at_rest(system, state, self.work_arrays)
         if not system.relaxation and not is_regular(system, state, unknowns, values):
             raise self._impossible(
                 event, engaged[0], "others constrain the same already, so that it is redundant"
             )
-        change = solve_at_rest(system, state, rows, unknowns, values)
-        state.v[:] += change[system.frames.displacement]
-        dW = change[system.frames.rotation] / system.frames.length[:, None]
-        state.w[:] += np.einsum("bji,bj->bi", R, dW)
-        impulse, left = change[first:] * system.unit, self._rates()
+        impulse, left = np.zeros_like(rate), rate
+        for _ in range(RELAXED_ROUNDS if system.relaxation else 1):
+            rows[first:] = -left
+            change = solve_at_rest(system, state, rows, unknowns, values)
+            state.v[:] += change[system.frames.displacement]
+            dW = change[system.frames.rotation] / system.frames.length[:, None]
+            state.w[:] += np.einsum("bji,bj->bi", R, dW)
+            impulse += change[first:] * system.unit
+            left = self._rates()
         return {name: self._size_of(name, rate, left, impulse) for name in engaged}
 
     def _rates(self) -> np.ndarray:
