@@ -81,3 +81,20 @@ def docking(**others):
     given = {"markers": markers, "events": events, "released": ("Dock",), "t_final": 1.0}
     given["groups"] = (Group("All", ("A", "B")),)
     return build_model(bodies, joints, **(given | others))
+
+
+def door(*events):
+    """A door of 5 kg on two hinges with one axis, in an oblique field of gravity, and a brake."""
+    hinges = [
+        revolute(name, GROUND.name, "Door", (0.0, 0.0, z), (-0.5, 0.0, z))
+        for name, z in (("Low", -0.5), ("High", 0.5))
+    ]
+    brake = JointMotion("Brake", "High", "angle", Law("constant", (0.0,)))
+    return build_model(
+        [body("Door", 5.0, (0.5, 0.6, 0.7), (0.5, 0.0, 0.0))],
+        hinges,
+        gravity=(3.0, 5.0, -8.0),
+        motions=(brake,),
+        events=events,
+        released=("Brake",),
+    )

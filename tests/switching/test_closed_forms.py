@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from tests.contact.models import run_events
-from tests.switching.models import catch, docking, flywheels, pendulum
+from tests.switching.models import catch, docking, door, event, flywheels, pendulum
 
 G, J = 9.81, 1.01
 """Gravity [m/s^2], and the pendulum's moment of inertia about its pivot [kg m^2]."""
@@ -127,3 +127,19 @@ def test_free_bodies_dock(scheme):
 def test_pendulum_flies_at_a_known_time():
     _, _, events = run_events(pendulum("t > 0.3"), "gauss2", 0.007)
     assert events[0][0] == pytest.approx(0.3, abs=1e-15)
+
+
+def test_a_door_on_two_hinges_loses_one_of_them():
+    """Redundant hinges: the motion is that on both, and a brake takes what its impulse says."""
+    _, steady, _ = run_events(door(), "gauss3", 0.02)
+    loses = event("Off", "t > 0.2", ("Low",)), event("On", "t > 0.3", (), ("Low",))
+    _, sink, rows = run_events(door(*loses), "gauss3", 0.02)
+    assert [row[1] for row in rows] == ["releases", "engages"]
+    off = sink.table("states")[-1] - steady.table("states")[-1]
+    assert np.abs(off).max() < 1e-10  # the hinges are relaxed by 1e-9 of their compliance
+    brake = event("Stop", "t > 0.4", (), ("Brake",))
+    report, sink, (row,) = run_events(door(brake), "gauss3", 0.02)
+    assert row[6] == pytest.approx(-0.5 * row[5] * row[3], rel=1e-12)
+    assert row[5] == pytest.approx(-(0.7 + 5.0 * 0.25) * row[3], rel=1e-12)  # J of the door
+    assert np.abs(sink.table("states")[-1, 7:13]).max() < 1e-12
+    assert report.extremes["energyErrorMax"] < 1e-9

@@ -164,3 +164,18 @@ def test_elements_of_parts_have_their_prefix(tmp_path):
     fire, let_go = read_deck(tmp_path / "deck.xml").events
     assert (fire.name, fire.releases) == ("Old.Fire", ("Old.Trigger",))
     assert "Old.Pouch.vx" in let_go.condition
+
+
+def test_the_clutch_joins_its_flywheels(tmp_path):
+    done = CliRunner().invoke(
+        main, ["run", str(PATH.with_name("clutch.xml")), "-o", str(tmp_path / "run")]
+    )
+    assert done.exit_code == 0, done.output
+    run = msahl.read(tmp_path / "run")
+    (row,) = run.events.to_dict("records")
+    assert (row["kind"], row["element"], row["event"]) == ("engages", "Clutch", "Shift")
+    assert row["impulse"] == pytest.approx(0.12, abs=1e-12)
+    assert row["energyLost"] == pytest.approx(0.6, abs=1e-12)
+    assert run.work["Shift.work"].iloc[-1] == pytest.approx(-0.6, abs=1e-12)
+    for body in ("Driver", "Driven"):
+        assert run.states[f"{body}.wz"].iloc[-1] == pytest.approx(4.0, abs=1e-12)
