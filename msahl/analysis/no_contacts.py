@@ -1,22 +1,35 @@
-"""Analyses that know no contacts refuse models that have some."""
+"""Analyses that know neither contacts nor events refuse models that have some."""
 
 from msahl.model import Model
 from msahl.start.velocities import StartError
 
 REFUSED = (
-    "the model has rigid contacts ({names}), which this analysis does not know; it is for runs "
-    "(msahl run, msahl sweep). Remove <contacts> to analyse the model without them, or give them a "
-    "<stiffness>"
+    "the model has {kind} ({names}), which this analysis does not know; {kind} are for runs "
+    "(msahl run, msahl sweep). Remove them to analyse the model without them{or_else}"
 )
+OR_ELSE = ", or give contacts a <stiffness>"
 
 
 def without_contacts(model: Model) -> str:
-    """Return why the ``model`` cannot be analysed; empty if it has no rigid contacts."""
-    names = ", ".join(contact.name for contact in model.rigid_contacts[:3])
-    return REFUSED.format(names=names) if names else ""
+    """Return why the ``model`` cannot be analysed; empty if it has neither rigid contacts nor
+    events.
+    """
+    groups = (
+        ("rigid contacts", [contact.name for contact in model.rigid_contacts], OR_ELSE),
+        ("events", _events(model), ""),
+    )
+    for kind, names, or_else in groups:
+        if names:
+            return REFUSED.format(kind=kind, names=", ".join(names[:3]), or_else=or_else)
+    return ""
+
+
+def _events(model: Model) -> list[str]:
+    return [*(event.name for event in model.events), *model.released]
 
 
 def require_no_contacts(model: Model) -> None:
-    """Raise ``StartError`` if the ``model`` has rigid contacts."""
-    if model.rigid_contacts:
-        raise StartError(without_contacts(model))
+    """Raise ``StartError`` if the ``model`` has rigid contacts or events."""
+    reason = without_contacts(model)
+    if reason:
+        raise StartError(reason)

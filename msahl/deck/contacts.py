@@ -45,6 +45,11 @@ def read_contacts(elements: Sequence[Element], reader: Reader) -> Iterator[Conta
             yield contact
 
 
+def is_switchable(element: Element) -> bool:
+    """Return whether events may name an element: it is no force, and has no parts."""
+    return not any(element.find(tag) is not None for tag in ("stiffness", "capsuleEnd", "box"))
+
+
 def _read_contact(element: Element, reader: Reader) -> list[Contact]:
     if element.tag == "jointLimit":
         limit = _joint_limit(element, reader)

@@ -12,6 +12,7 @@ from msahl.model.contacts import (
     SphereContact,
 )
 from msahl.model.couplings import Coupling
+from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import (
     Actuator,
@@ -52,6 +53,7 @@ __all__ = [
     "ContactSide",
     "Coupling",
     "DistanceLimit",
+    "Event",
     "Ground",
     "Group",
     "Joint",

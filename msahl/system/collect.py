@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law
-from msahl.algebra.vector import ZERO, Vector, sub
+from msahl.algebra.vector import IDENTITY, ZERO, Vector, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
 from msahl.joints.coordinates import angle_offset
@@ -61,6 +61,9 @@ from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.ports.coordinate import NO_JOINT, OWN_TENSION
 from msahl.system.signal_inputs import SignalCollector, SignalEntries
+
+IDLE = Law("constant", (0.0,))
+"""Law of time of prescribed motions that are released; the last law of a system with events."""
 
 
 class Pair(NamedTuple):
@@ -174,6 +177,19 @@ def collect(model: Model) -> Elements:
     return _Collector(model).elements
 
 
+def equations_of(joint: Joint, switched: bool) -> list[Coincide | Equation]:
+    """Return the equations of a joint. One that is ``switched`` by events has scalar equations
+    alone, whose coefficients can be zero: points that coincide are at zero distance along three
+    axes of the parent.
+    """
+    equations = KINDS[joint.kind].equations(joint)
+    if not switched:
+        return equations
+    together = [in_plane(axis) for axis in IDENTITY]
+    split = (together if isinstance(one, Coincide) else [one] for one in equations)
+    return [equation for each in split for equation in each]
+
+
 class _Collector:
     """Goes through a model once."""
 
@@ -187,6 +203,7 @@ class _Collector:
         self.joints = {joint.name: joint for joint in model.joints}
         self.number = {joint.name: i for i, joint in enumerate(model.joints)}
         self.shared: dict[tuple[str, str], int] = {}
+        self.switched = model.switched
         for element, joint in enumerate(model.joints):
             self._joint(element, joint)
         for element, coupling in enumerate(model.couplings, start=len(model.joints)):
@@ -199,9 +216,10 @@ class _Collector:
             self._contact(first + i, side)
         # Springs in the compliance form are numbered behind the elements of beams.
         sides = len(model.contact_sides)
+        columns = sides + len(model.events)
         for i, contact in enumerate(model.compliant_contacts):
-            self._compliant_contact(column + sides + i, contact)
-        columns = sides + len(model.compliant_contacts)
+            self._compliant_contact(column + columns + i, contact)
+        columns += len(model.compliant_contacts)
         self.unknown = self._beams(first + sides, column + columns)
         for column, load in enumerate(model.loads):
             self._load(column, load)
@@ -215,6 +233,8 @@ class _Collector:
                 into.append(ConcentratedEntry(load, law, column))
             if isinstance(load, ConcentratedLoad | PointLoad):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
+        if self.switched:
+            self.elements.add_law(IDLE)
         known = len(self.elements.coordinates)
         collector = SignalCollector(model, self._joint_coordinate, self._marker_distance, known)
         self.elements.signals = collector.entries()
@@ -246,7 +266,7 @@ class _Collector:
 
     def _joint(self, element: int, joint: Joint) -> None:
         pair, into = self._pair(joint), self.elements
-        for equation in KINDS[joint.kind].equations(joint):
+        for equation in equations_of(joint, joint.name in self.switched):
             if isinstance(equation, Coincide):
                 into.points.append((element, pair))
                 continue

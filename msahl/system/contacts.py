@@ -29,6 +29,7 @@ class Contacts(NamedTuple):
     restitution: np.ndarray  # (c,)
     round_off: np.ndarray  # (c,) gap that counts as none [m or rad]
     column: np.ndarray  # (c,) of the table of work
+    acts: np.ndarray  # (c,) whether it can close: events may release it; changes during a run
 
 
 def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
@@ -46,6 +47,7 @@ def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
         restitution=np.array([side.contact.restitution for side in sides]),
         round_off=NEAR * size / scale,
         column=work_of_contacts(model) + np.arange(len(sides)),
+        acts=np.array([side.contact.name not in model.released for side in sides]),
     )
 
 

@@ -117,10 +117,10 @@ def beam_columns(model: Model) -> list[str]:
 
 
 def workers(model: Model) -> tuple[str, ...]:
-    """Names of all whose work is counted: loads, motions, contacts, damped beams, a scheme that
-    decays."""
+    """Names of all whose work is counted: loads, motions, contacts, events, damped beams, a scheme
+    that decays."""
     damped = filter(is_damped, model.beams)
-    contacts = (*model.contact_sides, *model.compliant_contacts)
+    contacts = (*model.contact_sides, *model.events, *model.compliant_contacts)
     elements = (*model.loads, *model.motions, *contacts, *damped)
     names = tuple(element.name for element in elements)
     return (*names, WORKER) if resolve(model.simulation).dissipative else names

@@ -81,17 +81,21 @@ def set_strains(system: System, state: State) -> None:
 
 
 def work_count(model: Model) -> int:
-    """Columns of work: one a load, a motion, a side of a rigid contact, a compliant contact and a
-    damped beam, and a decaying scheme's own.
+    """Columns of work: one a load, a motion, a side of a rigid contact, an event, a compliant
+    contact and a damped beam, and a decaying scheme's own.
     """
-    damped = sum(map(is_damped, model.beams)) + len(model.compliant_contacts)
-    contacts = work_of_contacts(model) + len(model.contact_sides)
-    return contacts + damped + resolve(model.simulation).dissipative
+    own = len(model.events) + len(model.compliant_contacts) + sum(map(is_damped, model.beams))
+    return work_of_events(model) + own + resolve(model.simulation).dissipative
 
 
 def work_of_contacts(model: Model) -> int:
     """Return the first column of the works of rigid contacts."""
     return len(model.loads) + len(model.motions)
+
+
+def work_of_events(model: Model) -> int:
+    """Return the first column of the works of events."""
+    return work_of_contacts(model) + len(model.contact_sides)
 
 
 @kernel

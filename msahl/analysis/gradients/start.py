@@ -71,10 +71,12 @@ class DifferentiatedIntegrator(SubsystemIntegrator):
 
 def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0, as a run has them, each with its first row. Raises
-    ``NotDifferentiable`` for a model with contacts.
+    ``NotDifferentiable`` for a model with contacts or events.
     """
+    if reason := without_contacts(model):
+        raise NotDifferentiable(reason)
     if model.contacts:
-        raise NotDifferentiable(without_contacts(model) or COMPLIANT.format(model.contacts[0].name))
+        raise NotDifferentiable(COMPLIANT.format(model.contacts[0].name))
     settings = shape.settings
     together = shape.full or settings.adaptive
     parts: list[SubsystemIntegrator] = [
