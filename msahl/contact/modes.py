@@ -170,11 +170,12 @@ class ContactModes:
         set_closed(self.system, self.contacts, self.closed & self.contacts.acts, value)
         return 0.0
 
-    def resolve(self, event: int | None) -> None:
+    def resolve(self, event: int | None, jumped: bool = False) -> None:
         """Let the contacts open and close, and the velocities jump, at an ``event`` of the contact
-        of this number, or of none. Raises ``ContactsUnsolved``.
+        of this number, or of none. They may have ``jumped`` already, by an event of the deck: then
+        gaps of closed contacts may have rates. Raises ``ContactsUnsolved``.
         """
-        value, gap, _ = self._gaps()
+        _, gap, _ = self._gaps()
         was, near = self.closed, gap <= TOUCHING * self.contacts.round_off
         near &= self.contacts.acts
         if event is not None:
@@ -186,7 +187,8 @@ class ContactModes:
             return
         opened = event if event is not None and was[event] else None
         try:
-            self._resolve(which, was, value, opened)
+            self._remove_violation(int(which[0]), self.without if jumped else self.unknowns)
+            self._resolve(which, was, opened)
         except NoSolution as error:
             named = ", ".join(self.names[int(k)] for k in which)
             raise ContactsUnsolved(_unsolved(float(self.state.time[0]), named)) from error
@@ -201,10 +203,7 @@ class ContactModes:
         if self.repeated > MOST_AT_ONCE:
             raise ContactsUnsolved(_endless(t, ", ".join(self.names[int(k)] for k in which)))
 
-    def _resolve(
-        self, which: np.ndarray, was: np.ndarray, value: np.ndarray, opened: int | None
-    ) -> None:
-        self._remove_violation(int(which[0]))
+    def _resolve(self, which: np.ndarray, was: np.ndarray, opened: int | None) -> None:
         response = of_contacts.respond(
             self.system, self.contacts, which, self.state, self.without, self.work_arrays
         )
@@ -250,13 +249,13 @@ class ContactModes:
         speed = np.abs(start.v).max() + (np.abs(start.W).max(axis=1) * length).max()
         return np.where(np.abs(rate) <= STILL * speed, 0.0, rate)
 
-    def _remove_violation(self, k: int) -> None:
-        """Project the velocities onto joints and closed contacts, which schemes of order 2 satisfy
-        to their error only: impulses would do work on it. The energy counts as work of contact
-        ``k``.
+    def _remove_violation(self, k: int, unknowns: Unknowns) -> None:
+        """Project the velocities onto joints and closed contacts, whose multipliers are among the
+        ``unknowns``: schemes of order 2 satisfy them to their error only, and impulses would do
+        work on it. The energy counts as work of contact ``k``.
         """
         before = self._energy()
-        project(self.system, self.state, self.work_arrays, self.unknowns)
+        project(self.system, self.state, self.work_arrays, unknowns)
         self.state.work[self.contacts.column[k]] += self._energy() - before
 
     def _lift(self, response: Response) -> None:

@@ -44,6 +44,7 @@ def explain(model: Model) -> list[str]:
         f"scheme: {_scheme(resolve(model.simulation))}",
         *_beams(model),
         *_degrees_of_freedom(model, integrators),
+        *_events(model),
         *(line for integrator in integrators for line in _coordinates(integrator)),
         *_unknowns(model, integrators),
         *(line for integrator in integrators for line in _reductions(integrator, alone)),
@@ -112,6 +113,18 @@ def _degrees_of_freedom(model: Model, integrators: Sequence[SubsystemIntegrator]
     unique = [name for name in names if name not in shared]
     if shared and unique:
         yield f"  all reactions are unique of: {', '.join(unique)}"
+
+
+def _events(model: Model) -> Iterator[str]:
+    """Events of the deck: when they happen, and what they do."""
+    if model.released:
+        yield f"released at t = 0: {', '.join(model.released)}"
+    for event in model.events[:MOST_LISTED]:
+        actions = [("releases", event.releases), ("engages", event.engages)]
+        done = [f"{verb} {', '.join(names)}" for verb, names in actions if names]
+        often = "each time that" if event.repeats else "when"
+        what = ", ".join(done) or "gives its message"
+        yield f"event {event.name}: {what} {often} {event.condition}"
 
 
 def _coordinates(integrator: SubsystemIntegrator) -> Iterator[str]:

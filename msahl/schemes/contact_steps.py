@@ -78,13 +78,13 @@ class ContactSteps:
             self.switching.note_size(condition, size)
         while condition is not None and self.switching:
             switches = self.switching.reach(condition)
-            method = self._resolve(method, None) if switches else self.enter(method)
+            method = self._resolve(method, None, True) if switches else self.enter(method)
             condition = self._next_condition(method)
         return method
 
-    def _resolve(self, method: Any, contact: int | None) -> Any:
+    def _resolve(self, method: Any, contact: int | None, jumped: bool = False) -> Any:
         if self.modes:
-            self.modes.resolve(contact)
+            self.modes.resolve(contact, jumped)
         return self.enter(method)
 
     def _next_condition(self, method: Any) -> int | None:

@@ -72,6 +72,7 @@ class Switching:
         rises = {name: np.zeros_like(state.v_rise) for name in ("v_rise", "w_rise")}
         still = state._replace(**rises)
         self.work_arrays = new_work_arrays(system, still)._replace(call=PlainFirst(system))
+        self.chosen: dict[bytes, Unknowns] = {}
         self.size = np.zeros(len(self.deck))  # largest margin of each condition so far
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = 0
@@ -89,9 +90,12 @@ class Switching:
         """The unknowns of steps without contacts: the multipliers of what is engaged as well."""
         if self.switches is None:
             return self.before
-        own = switches.multipliers(self.system, self.switches, engaged=False)
-        now = switches.multipliers(self.system, self.switches, engaged=True)
-        return choose(self.system, np.union1d(np.setdiff1d(self.before.free, own), now))
+        if self.key not in self.chosen:
+            own = switches.multipliers(self.system, self.switches, engaged=False)
+            now = switches.multipliers(self.system, self.switches, engaged=True)
+            free = np.union1d(np.setdiff1d(self.before.free, own), now)
+            self.chosen[self.key] = choose(self.system, free)
+        return self.chosen[self.key]
 
     def begin(self) -> None:
         """Let conditions that are true at t = 0 wait to become false."""
@@ -175,7 +179,8 @@ class Switching:
             if depth > 0.0:
                 raise self._impossible(event, name, f"it overlaps by {depth:.4g} (m or rad)")
             return False
-        assert self.switches is not None
+        if self.switches is None or name not in self.switches.names:
+            raise self._impossible(event, name, "it has no constraint equations")
         k = self.switches.names.index(name)
         if engage == self.switches.engaged[k]:
             return False

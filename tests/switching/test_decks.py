@@ -150,6 +150,7 @@ def test_explain_says_why_steps_are_in_absolute_coordinates(tmp_path):
     (tmp_path / "deck.xml").write_text(text.replace("<release>Trough</release>", ""))
     done = CliRunner().invoke(main, ["explain", str(tmp_path / "deck.xml")])
     assert "events release or engage its constraints" in done.output
+    assert "event Fire: releases Trigger when t >= 0.2" in done.output
 
 
 def test_elements_of_parts_have_their_prefix(tmp_path):

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from msahl.algebra.functions import Law
-from msahl.model import JointMotion
+from msahl.model import JointMotion, PlaneContact, PointMotion
 from tests.contact.models import ball, run_events
+from tests.support.models import GROUND
 from tests.switching.models import catch, event, flywheels, pendulum
 
 SCHEMES = [("gauss2", 0.02, None), ("preserving", 0.02, None), ("auto", None, 1e-6)]
@@ -171,3 +172,53 @@ def test_an_event_that_does_not_happen_has_a_warning():
 def test_degrees_of_freedom_are_those_at_the_start():
     report, _, _ = run_events(flywheels(), "gauss2", 0.02, 0.1)
     assert report.degrees_of_freedom["byRank"] == 2
+
+
+@pytest.mark.parametrize(("scheme", "dt", "tolerance"), SCHEMES)
+def test_a_motor_lifts_a_ball_from_the_floor(scheme, dt, tolerance):
+    """The floor cannot pull: the impulse of the motor is that without it."""
+    rise = Law("polynomial", (0.0, 1.0))
+    lift = PointMotion("Lift", "Ball", (0.0,) * 3, (0.0, 0.0, 1.0), rise)
+    model = of(
+        ball(0.0, height=0.0),
+        event("Go", "t > 0.3", (), ("Lift",)),
+        event("Drop", "t > 0.5", ("Lift",)),
+        motions=(lift,),
+        released=("Lift",),
+    )
+    report, _, rows = run_events(model, scheme, dt, 1.0, tolerance)
+    kinds = ["closes", "engages", "opens", "releases", "impact", "closes"]
+    assert [row[1] for row in rows] == kinds
+    assert rows[1][6] == pytest.approx(-0.5, abs=1e-12)
+    fall = (1.0 + (1.0 + 2.0 * 9.81 * 0.2) ** 0.5) / 9.81
+    assert rows[4][0] == pytest.approx(0.5 + fall, abs=1e-11)
+    assert report.extremes["energyErrorMax"] < 1e-11
+
+
+def test_a_motor_does_not_press_through_the_floor():
+    """What has no solution ends the run."""
+    fall = Law("polynomial", (0.0, -1.0))
+    press = PointMotion("Press", "Ball", (0.0,) * 3, (0.0, 0.0, 1.0), fall)
+    model = of(
+        ball(0.0, height=0.0),
+        event("Go", "t > 0.3", (), ("Press",)),
+        motions=(press,),
+        released=("Press",),
+    )
+    report, _, _ = run_events(model, "gauss2", 0.02, 1.0)
+    assert "impulses or forces of the contacts Floor have no solution" in report.message
+
+
+def test_a_latch_and_the_floor_take_an_impact_together():
+    """The plate lies on a floor: the mass that it catches comes to rest at once."""
+    floor = PlaneContact(
+        "Floor", GROUND.name, "Plate", (0.0, 0.0, 0.0), (0.0,) * 3, (0.0, 0.0, 1.0)
+    )
+    model = replace(catch(), loads=(), contacts=(floor,))
+    report, sink, rows = run_events(model, "gauss2", 0.02)
+    assert [row[1:3].tolist() for row in rows[1:]] == [["engages", "Latch"], ["impact", "Floor"]]
+    energy = 9.81 * 0.5
+    assert rows[1][6] == pytest.approx(energy * 2.0 / 3.0, abs=1e-11)
+    assert rows[2][6] == pytest.approx(energy / 3.0, abs=1e-11)
+    assert sink.table("states")[-1, [3, 9, 15, 21]] == pytest.approx([0.0] * 4, abs=1e-12)
+    assert report.extremes["energyErrorMax"] < 1e-11
