@@ -402,7 +402,7 @@ def _pattern(
 
 
 def _chains(precedes: np.ndarray, pairs: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the one before each coordinate and the lengths of the rows, if coordinates on the
+    """Return the one before each coordinate and the lengths of their rows, if coordinates on the
     paths to both bodies of each of the ``pairs`` have an entry: elimination of a coordinate joins
     all those before it.
     """

@@ -150,11 +150,11 @@ def _set_accelerations(node: LoadNode, stages: StageArrays, h: float, i: int) ->
 @kernel
 def _take_loads(tree: TreeStages, i: int) -> None:
     """Set the loads of lane ``i`` from the accelerations by all forces."""
-    frames, rows, load_rows = tree.node.system.frames, tree.node.accelerations, tree.motion.load
+    frames, found, loads = tree.node.system.frames, tree.node.accelerations, tree.motion.load
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
         mass = tree.tree.mass[b]
-        force = scale(mass, at(rows, displacement_node(frames, f)))
-        moment = scale(mass * frames.length[f], at(rows, rotation_node(frames, f)))
+        force = scale(mass, at(found, displacement_node(frames, f)))
+        moment = scale(mass * frames.length[f], at(found, rotation_node(frames, f)))
         for c in range(3):
-            load_rows[6 * b + c, i], load_rows[6 * b + 3 + c, i] = moment[c], force[c]
+            loads[6 * b + c, i], loads[6 * b + 3 + c, i] = moment[c], force[c]

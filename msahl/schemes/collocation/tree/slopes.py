@@ -62,6 +62,7 @@ def new_slopes(tree: Tree, system: System, degree: int) -> LoadSlopes:
     loads alone.
     """
     entries, frames = int(tree.row[-1]), system.frames
+    by_place, by_rate, scratch = np.zeros((3, system.constant.size))
     body, rotates = np.full(node_count(system), -1), np.zeros(node_count(system), dtype=bool)
     for b, f in enumerate(tree.frame):
         if f < moving_count(frames):
@@ -74,7 +75,7 @@ def new_slopes(tree: Tree, system: System, degree: int) -> LoadSlopes:
         by_rate=np.zeros(entries),
         by_place=np.zeros(entries),
         share=np.array((OF_RATES[degree], OF_PLACES[degree]))[:, lane],
-        of_bodies=Derivatives(*np.zeros((3, system.constant.size)), np.zeros((body.size, 3))),
+        of_bodies=Derivatives(by_place, by_rate, scratch, np.zeros((body.size, 3))),
         block=between,
         body=body[system.blocks[between]],
         rotates=rotates[system.blocks[between]],

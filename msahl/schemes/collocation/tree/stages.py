@@ -15,6 +15,7 @@ from msahl.jit.kernel import optional
 from msahl.jit.lanes import LANES
 from msahl.schemes.collocation.tableau import Halves, Tableau, lagrange
 from msahl.schemes.collocation.tree import loop_stages
+from msahl.schemes.collocation.tree.acceleration import History, new_history
 from msahl.schemes.collocation.tree.loop_stages import LoopStages, new_loop_stages
 from msahl.schemes.collocation.tree.slopes import LoadSlopes, new_slopes
 from msahl.schemes.collocation.workspace import StageArrays
@@ -55,6 +56,7 @@ class TreeStages(NamedTuple):
     node: LoadNode
     slopes: LoadSlopes
     loops: LoopStages | None  # of closed loops; None: no code for them
+    history: History
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
@@ -82,6 +84,7 @@ def new_tree_stages(
         node=load_node,
         slopes=new_slopes(tree, load_node.system, s),
         loops=cut and new_loop_stages(cut, tree, system, tableau),
+        history=new_history(n),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
