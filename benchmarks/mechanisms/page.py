@@ -27,15 +27,16 @@ WHY = """\
 Why:
 
 - An error of 1e-3 m takes a few dozen steps. A step of MuJoCo's RK4 evaluates four accelerations
-  of few coordinates, without iterations; a step of msahl solves implicit equations of all bodies
-  and joints.
-- The robot is an open tree: six coordinates and no constraints for the others, 66 unknowns for
-  msahl. Its motion is smooth, so explicit formulas of order 4 to 6 need few steps.
-- The suspension is a tree of few coordinates for MuJoCo, too, with two loops closed at balls, and
-  moves smoothly.
-- The squeezer and the net have many loops. All s stages of a gauss step are solved at once, and the
-  work of their factorisation grows with the third power of s; MuJoCo factors the mass matrix of a
-  tree.
+  of few coordinates, without iterations; a step of gauss evaluates all its nodes three to fifteen
+  times, the loads of elements one node after the other.
+- The robot is an open tree of few coordinates for all programs. Its dampers are stiff for the small
+  wrist and its motion is smooth: long steps of gauss take ten iterations and more, where explicit
+  formulas of order 4 to 6 need few steps.
+- The suspension and the squeezer are trees of few coordinates in MuJoCo, too, with two and three
+  loops, and move smoothly.
+- The net has more equations of loops than msahl solves in joint coordinates. All s stages of a gauss
+  step are solved at once, and the work of their factorisation grows with the third power of s;
+  MuJoCo factors the mass matrix of a tree.
 - Where MuJoCo closes loops its constraints are soft, and its motion is of order 2 in the step,
   whatever the integrator. Drake's discrete solver has order 1."""
 
