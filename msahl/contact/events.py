@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-IMPACT, CLOSES, OPENS = "impact", "closes", "opens"
+IMPACT, CLOSES, OPENS, STICKS, SLIDES = "impact", "closes", "opens", "sticks", "slides"
 
 
 class ContactEvent(NamedTuple):
@@ -11,12 +11,16 @@ class ContactEvent(NamedTuple):
     """
 
     time: float  # [s]
-    kind: str  # "impact", "closes" (the gap stays zero from then on) or "opens"
+    kind: str  # "impact", "closes" (the gap stays zero from then on), "opens", "sticks" or "slides"
     contact: str
     speed_before: float  # [m/s or rad/s]
     speed_after: float
     impulse: float  # [N s or N m s]
-    energy_lost: float  # [J]
+    energy_lost: float  # [J], that by friction included
+    slip_before: float  # [m/s]
+    slip_after: float
+    friction_impulse: float  # [N s]
+    lost_to_friction: float  # [J]
     remaining: float  # time that omitted rebounds, infinitely many, would take [s]
 
 
@@ -28,6 +32,10 @@ COLUMNS = [
     "gapSpeedAfter",
     "impulse",
     "energyLost",
+    "slipBefore",
+    "slipAfter",
+    "frictionImpulse",
+    "lostToFriction",
     "remainingTime",
 ]
 """Header of ``events.csv``."""

@@ -29,7 +29,11 @@ def read_contact(element: Element, reader: Reader) -> Contact:
         if reader.is_known(ends.parent):
             normal = reader.context.rotated(normal, INERTIAL, ends.parent)
         radius = reader.number(element.find("radius"), "length")
-        contact = PlaneContact(name, *points, normal, radius, restitution)
+        contact = PlaneContact(
+            *(name, *points, normal, radius, restitution),
+            friction=reader.number(element.find("friction")),
+            static_friction=_number_or_none(element, "staticFriction", reader),
+        )
     reader.add(element, contact_findings(contact, reader.context))
     if is_placed(element, ends, reader):
         reader.add(element, overlap_findings(contact, reader.context))
@@ -47,6 +51,11 @@ def _joint_limit(element: Element, reader: Reader) -> JointLimit:
         upper=upper,
         restitution=reader.number(element.find("restitution")),
     )
+
+
+def _number_or_none(element: Element, tag: str, reader: Reader) -> float | None:
+    part = element.find(tag)
+    return None if part is None else reader.number(part)
 
 
 def _range(element: Element, quantity: str, reader: Reader) -> tuple[float | None, float | None]:

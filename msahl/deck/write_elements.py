@@ -168,6 +168,8 @@ def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> N
     vector(parent, "normal", contact.normal)
     number_unless(element, 0.0, "radius", contact.radius, "length")
     number_unless(element, 0.0, "restitution", contact.restitution)
+    number_unless(element, 0.0, "friction", contact.friction)
+    number(element, "staticFriction", contact.static_friction)
 
 
 def _concentrated(group: Element, load: ConcentratedLoad, context: Context) -> None:

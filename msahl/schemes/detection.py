@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import END, Margins
+from msahl.events.margins import CONTACT, END, Margins
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
@@ -66,7 +66,9 @@ class Detection:
         contacts: Contacts | None = None,
     ) -> None:
         self.workspace, self.storage = workspace, storage
-        self.contacts = 0 if contacts is None else contacts.row.size
+        of_contacts = found.action == CONTACT
+        self.contacts = int(of_contacts.sum())
+        self.gaps = 0 if contacts is None else contacts.row.size
         pressing = new_instant(workspace.system, workspace.unknowns) if self.contacts else None
         fresh = new_detector(found, workspace.state, output, instant, pressing)
         self.detector: Detector = storage.place(("events", id(output)), fresh)
@@ -166,11 +168,13 @@ class Detection:
         return int(self.detector.margins.kind.size) - self.contacts
 
     def contact_of(self, event: Event) -> int | None:
-        """Return the number of the contact that opens or closes at an ``event``, None if it is of
-        another kind.
+        """Return the number of the contact that opens or closes at an ``event``, or behind all of
+        them that of the one with friction that sticks or slides; None if it is of another kind.
         """
         k = event.margin - self._first_contact
-        return k if k >= 0 else None
+        if k < self.gaps:
+            return k if k >= 0 else None
+        return self.gaps + int(self.detector.margins.item[event.margin])
 
     def follow(self, other: "Detection") -> None:
         """Take over the switches from ``other``, which had the contacts of another mode."""

@@ -26,10 +26,11 @@ import numpy as np
 
 from msahl.algebra.vector import copy
 from msahl.events import margins
-from msahl.events.margins import END, FORCE, Margins
+from msahl.events.margins import END, FORCE, FRICTION, Margins
 from msahl.expressions.tape import FREE
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, optional, unit
+from msahl.ports import sliding
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
 from msahl.schemes.common.accelerations import Instant, accelerate
@@ -142,10 +143,21 @@ def begin_step(detector: Detector, workspace: Workspace) -> None:
     detector.event[0] = -1
     if margins.hold_known(detector.margins, t, detector.figures[NEAR]):
         detector.figures[KNOWN] = math.nan
+    turn_slips(detector, workspace)
     if detector.figures[KNOWN] != t and not is_idle(detector, t):
         set_margins(detector, workspace, detector.ends[0])
     hold_switches(detector, t)
     copy_state(state, detector.before)
+
+
+@kernel
+def turn_slips(detector: Detector, workspace: Workspace) -> None:
+    """Let the slips of contacts count along their directions at the start of a step."""
+    own, start = detector.margins, workspace.start
+    sliding.turn(
+        *(workspace.system.forces.sliding, workspace.system.scalar, start.scalar, start.frames),
+        *(own.coordinate, own.rate, detector.figures, KNOWN),
+    )
 
 
 @kernel
@@ -163,8 +175,9 @@ def set_forces(
     the prepared state. What it holds of the last step stays.
     """
     system, state, solved = workspace.system, workspace.state, False
+    first = first_multiplier(system.frames)
     for k in range(value.size):
-        if margins.kind[k] != FORCE:
+        if margins.kind[k] != FORCE and margins.kind[k] != FRICTION:
             continue
         node, slot = margins.item[k] // 3, margins.item[k] % 3
         if not solved:
@@ -174,8 +187,13 @@ def set_forces(
             copy(pressing.force, state.force)
             copy(pressing.reaction, state.reaction)
             solved = True
-        unknown = pressing.solution[first_multiplier(system.frames) + node, slot]
-        value[k] = unknown * system.unit[node, slot]
+        if margins.kind[k] == FORCE:
+            value[k] = pressing.solution[first + node, slot] * system.unit[node, slot]
+        else:
+            value[k] = sliding.margin(
+                *(system.forces.sliding, system.scalar, margins.item[k], margins.rate),
+                *(pressing.solution[first:], system.unit),
+            )
 
 
 @kernel
