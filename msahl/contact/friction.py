@@ -9,8 +9,8 @@ direction d of z_t = -mu z_n d is given. The equations
 
     z_n = max(least, z_n - r w_n),    z_t = the nearest to z_t - r w_t in the disk of radius mu z_n
 
-are solved by Newton's method on their pieces, from where projections one contact after the other
-have led, and for a few contacts also from each choice of open, sticking and sliding ones. A
+are solved by Newton's method on their pieces, from where the problems of one contact after the other
+(``cone``) have led, and for a few contacts also from each choice of open, sticking and sliding ones. A
 solution is one only if it satisfies them to round-off. Source: P. Alart, A. Curnier, A mixed
 formulation for frictional contact problems prone to Newton like solution methods, Comput. Methods
 Appl. Mech. Engrg. 92 (1991).
@@ -24,11 +24,14 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.contact.complementarity import NoSolution
+from msahl.contact.cone import solve_one
 
 EXACT = 1e-12
 """Residual, relative to the largest term, of a solution."""
-ROUNDS, NEWTON = 400, 60
-"""Rounds of projections, and steps of Newton's method, before another start is tried."""
+NEAR = 1e-4
+"""Change in a round of the contacts, relative to the largest, from which Newton's method begins."""
+ROUNDS, NEWTON = 100, 30
+"""Rounds of the contacts, and steps of Newton's method, before another start is tried."""
 FEW = 4
 """Contacts of which every choice of states is tried."""
 
@@ -136,9 +139,20 @@ def _newton(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.nda
             break
         if left == 0.0:
             break
-        z = z - np.linalg.lstsq(J, F, rcond=1e-13)[0]
+        z = z - _solved(J, F)
     assert best is not None
     return best[1] if best[0] <= EXACT else None
+
+
+def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the solution of A x = b, the least one where A is singular to round-off."""
+    try:
+        x: np.ndarray = np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        x = np.full(b.size, np.inf)
+    if np.abs(A @ x - b).max() <= 1e-10 * np.abs(b).max() and np.abs(x).max() < 1e10:
+        return x
+    return np.linalg.lstsq(A, b, rcond=1e-13)[0]
 
 
 def _starts(W: np.ndarray, q: np.ndarray, cones: Cones) -> Iterator[np.ndarray]:
@@ -154,21 +168,20 @@ def _starts(W: np.ndarray, q: np.ndarray, cones: Cones) -> Iterator[np.ndarray]:
 
 
 def _project(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.ndarray:
-    """Return ``z`` after projections onto the cone of one contact after the other."""
+    """Return ``z`` after the problems of one contact after the other, each with the rest given."""
     for _ in range(ROUNDS):
         last = z.copy()
         for n, t, mu, least, d in zip(*cones, strict=True):
-            z[n] = max(least, z[n] - (W[n] @ z + q[n]) / W[n, n])
             if t[0] < 0:
+                z[n] = max(least, z[n] - (W[n] @ z + q[n]) / W[n, n])
                 continue
-            radius = mu * max(z[n], 0.0)
-            if not math.isnan(d[0]):
-                z[t] = -radius * d
-                continue
-            y = z[t] - (W[t] @ z + q[t]) / max(W[t[0], t[0]], W[t[1], t[1]], 1e-300)
-            length = math.hypot(*y)
-            z[t] = y if length <= radius else y * (radius / length)
-        if np.abs(z - last).max() <= 1e-3 * np.abs(z).max():
+            own = np.array([n, *t])
+            block = W[np.ix_(own, own)]
+            rest = W[own] @ z + q[own] - block @ z[own]
+            found = solve_one(block, rest, mu, least, None if math.isnan(d[0]) else d)
+            if found is not None:
+                z[own] = found
+        if np.abs(z - last).max() <= NEAR * np.abs(z).max():
             break
     return z
 

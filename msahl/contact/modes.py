@@ -35,7 +35,7 @@ from msahl.start.redundancy import INDEPENDENT
 from msahl.start.velocities import StartError, project, solve_accelerations
 from msahl.system import evaluate
 from msahl.system.arrays import State, System
-from msahl.system.contacts import Contacts, closed, set_closed, set_sticking, sticking
+from msahl.system.contacts import NEAR, Contacts, closed, set_closed, set_sticking, sticking
 from msahl.system.unknowns import Unknowns, choose
 from msahl.system.work_arrays import new_work_arrays
 
@@ -167,12 +167,19 @@ class ContactModes:
         self.events: list[ContactEvent] = []  # those not yet published
         self.published = self.impacts = 0
         self.last_time, self.repeated = math.nan, 0  # of the last event, and how often at that time
+        self.length = float(contacts.round_off.max()) / NEAR
+        self.fastest = 0.0  # largest speed so far, or that of falling by the model's size [m/s]
         self.gained = 0.0  # energy that impacts added [J], which Newton's law may do
 
     @property
     def closed(self) -> np.ndarray:
         """(c,) which contacts are closed."""
         return closed(self.system, self.contacts)
+
+    @property
+    def key(self) -> bytes:
+        """Which contacts are closed, which of those with friction stick."""
+        return self.closed.tobytes() + sticking(self.system).tobytes()
 
     @property
     def unknowns(self) -> Unknowns:
@@ -272,7 +279,7 @@ class ContactModes:
         unseen = height <= HEIGHT * self.contacts.round_off[which]
         if (unseen & stays).any():
             after = self._hold(response, after, unseen & stays, (stays, cause))
-        self._note(response, (was, stuck), (before, impulse, after), remaining)
+        self._note(response, (was, stuck), (before, impulse, after), remaining, cause)
         self._set_mode(response, after)
         v, a = after.speed[: which.size], -after.acceleration[: which.size]
         falls = (v > 0.0) & (a > 0.0)
@@ -281,14 +288,20 @@ class ContactModes:
             self.next_touch = float(self.state.time[0] + BEYOND * time.min())
 
     def _rates(self, response: Response, cause: _Cause) -> np.ndarray:
-        """Return the rates along the directions (m,), without round-off and the end of a slip."""
+        """Return the rates along the directions (m,), without round-off; a slip that has come to its
+        end is removed.
+        """
         _, _, rate = self._gaps()
-        found = self._rounded(response.sign * rate[self.rows.coordinate[response.row, 0]])
+        self.fastest = max(self.fastest, self._speed)
+        given = response.sign * rate[self.rows.coordinate[response.row, 0]]
+        found, push = self._rounded(given), np.zeros(given.size)
         for k, t in enumerate(response.tangent):
-            if t[0] >= 0:
-                slip = float(np.hypot(*found[t]))
-                if slip <= STILL * self._speed or (k == cause.ends and slip <= END * self._speed):
-                    found[t] = 0.0
+            near = (END if k == cause.ends else STILL) * self.fastest
+            if t[0] >= 0 and np.hypot(*given[t]) <= near:
+                push[t] = -np.linalg.lstsq(response.W[np.ix_(t, t)], given[t], rcond=None)[0]
+                found[t] = 0.0
+        if push.any():
+            self._push(response, push, given)
         return found
 
     def _cones(
@@ -382,6 +395,7 @@ class ContactModes:
             self.system, response, self.state, self.without, self.work_arrays
         )
         b = np.where(np.abs(b) <= STILL * size, 0.0, b)
+        self.fastest = max(self.fastest, float(np.sqrt(self.length * size)))
         count = stays.size
         rests = np.flatnonzero((speed[:count] == 0.0) & stays)
         force, toward = np.zeros(speed.size), np.zeros((count, 2))
@@ -498,6 +512,7 @@ class ContactModes:
         past: tuple[np.ndarray, np.ndarray],
         impact: tuple[np.ndarray, np.ndarray, _After],
         remaining: np.ndarray,
+        cause: _Cause,
     ) -> None:
         """Add the events of the contacts that were closed and stuck in the ``past``."""
         before, impulse, after = impact
@@ -518,7 +533,8 @@ class ContactModes:
                 self.events.append(
                     ContactEvent(t, IMPACT, name, v, w, float(impulse[k]), lost, *slips, 0.0)
                 )
-            for kind in self._changes(k, int(c), past, after):
+            turns = k == cause.ends and not after.sticks[k] and after.force[k] > 0.0
+            for kind in [*self._changes(k, int(c), past, after), *([SLIDES] if turns else [])]:
                 slip = slips[1]
                 self.events.append(
                     ContactEvent(
@@ -558,7 +574,7 @@ class ContactModes:
             slides = presses & ~after.sticks & (own >= 0)
             group.friction[own[slides]] = self.contacts.friction[which[slides]]
             group.toward[own[slides]] = after.toward[slides]
-            group.still[:] = STILL * self._speed
+            group.still[:] = STILL * self.fastest
             if sticks.any():
                 self._remove_violation(int(which[0]))
         for row in (self.contacts.row, *(() if group is None else (group.tangent.reshape(-1),))):
@@ -584,6 +600,7 @@ class ContactModes:
             "events": [self.published, len(self.events)],
             "impacts": self.impacts,
             "friction": self._friction_counters(),
+            "fastest": self.fastest,
             "shared": sorted(self.shared),
             "gained": self.gained,
         }
@@ -609,6 +626,7 @@ class ContactModes:
                 getattr(group, name)[:] = of_friction[name]
         self.omitted, self.impacts = [*counters["omitted"]], counters["impacts"]
         self.shared, self.gained = set(counters["shared"]), counters["gained"]
+        self.fastest = counters["fastest"]
         self.next_touch = math.inf if counters["nextTouch"] is None else counters["nextTouch"]
         published, pending = counters["events"]
         if published == self.published:

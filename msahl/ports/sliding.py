@@ -12,7 +12,7 @@ and the mean slip over the step, so that the work is -mu N |change| exactly.
 A step may pass through the end of the slip, which is an event at which it is taken again. For such
 a trial
 
-    d = sign(s . d0) s/|s|      d0 the direction at the start of the step
+    d = (|s . d0| d0 + s - (s . d0) d0)/|s|         d0 the direction at the start of the step
 
 goes on along the same line, where s/|s| jumps. Where |s| is round-off, d is d0.
 """
@@ -56,8 +56,23 @@ def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, fl
     t_1, t_2, speed = group.toward[k, 0], group.toward[k, 1], math.sqrt(s_1 * s_1 + s_2 * s_2)
     if speed <= group.still[k]:
         return t_1, t_2, 0.0
-    side = math.copysign(1.0 / speed, s_1 * t_1 + s_2 * t_2)
-    return side * s_1, side * s_2, speed
+    along = s_1 * t_1 + s_2 * t_2
+    if along < 0.0:
+        s_1, s_2 = s_1 - 2.0 * along * t_1, s_2 - 2.0 * along * t_2
+    return s_1 / speed, s_2 / speed, speed
+
+
+@kernel
+def turns_by(
+    group: Sliding, k: int, d_1: float, d_2: float, s_1: float, s_2: float
+) -> tuple[float, float]:
+    """Return the vector whose product with a change of s, over |s|, turns the direction ``d``."""
+    t_1, t_2 = group.toward[k, 0], group.toward[k, 1]
+    row_1, row_2 = -d_2, d_1
+    if s_1 * t_1 + s_2 * t_2 < 0.0:
+        along = row_1 * t_1 + row_2 * t_2
+        row_1, row_2 = row_1 - 2.0 * along * t_1, row_2 - 2.0 * along * t_2
+    return row_1, row_2
 
 
 @kernel
@@ -211,19 +226,21 @@ def add_derivatives(
     """
     coords, q = scalar.coordinates, place.coordinates
     for k in range(group.row.size):
-        d_1, d_2, speed = direction(group, k, *slip_of(group, k, place.rate))
+        s_1, s_2 = slip_of(group, k, place.rate)
+        d_1, d_2, speed = direction(group, k, s_1, s_2)
         if group.friction[k] == 0.0 or speed == 0.0:
             continue
+        row_1, row_2 = turns_by(group, k, d_1, d_2, s_1, s_2)
         first, second = group.along[k, 0], group.along[k, 1]
         force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
-        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), -d_2, d_1)
+        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
         load = -group.friction[k] * reaction[group.reaction[k], 0] / speed
         add_outer(
             out.by_rate, coords.block, first, factors(coords, frames, 1.0, first, load), force, row
         )
         half_1 = rate_gradient(coords, q, frames, motion, first, out)
         half_2 = rate_gradient(coords, q, frames, motion, second, out)
-        row = across(half_1, half_2, -d_2, d_1)
+        row = across(half_1, half_2, row_1, row_2)
         add_outer(
             out.by_place, coords.block, first, factors(coords, frames, 2.0, first, load), force, row
         )
@@ -324,7 +341,8 @@ def mean_jacobian(
         first, second = group.along[k, 0], group.along[k, 1]
         N = multiplier(scalar.equations, frames, Z, dt2, group.row[k])
         force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
-        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), -d_2, d_1)
+        row_1, row_2 = turns_by(group, k, d_1, d_2, q.change[first], q.change[second])
+        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
         c = factors(coords, frames, -dt2, first, -group.friction[k] * N / (h * speed))
         add_outer(out, coords.block, first, c, force, row)
 

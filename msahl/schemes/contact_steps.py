@@ -33,7 +33,7 @@ class ContactSteps:
     @property
     def method(self) -> Any:
         """The method for the contacts that are closed now."""
-        key = self.modes.closed.tobytes()
+        key = self.modes.key
         if key not in self.methods:
             self.methods[key] = self.make(self._own_workspace())
         return self.methods[key]
