@@ -67,15 +67,37 @@ def _slides(W: np.ndarray, q: np.ndarray, mu: float) -> Iterator[np.ndarray]:
         w = W[1:] @ _sliding(W, q, mu, d) + q[1:]
         return float(d[0] * w[1] - d[1] * w[0])
 
-    angles = np.linspace(0.0, 2.0 * math.pi, SAMPLES + 1)
-    value = [across(a) for a in angles.tolist()]
+    for a in _zeros(across):
+        d = np.array([math.cos(a), math.sin(a)])
+        z = _sliding(W, q, mu, d)
+        if (W[1:] @ z + q[1:]) @ d >= 0.0:
+            yield z
+
+
+def directions_from_rest(W: np.ndarray, mu: float) -> Iterator[np.ndarray]:
+    """Yield the directions (2,) in which a slip begins that a normal force drives."""
+
+    def rate(a: float) -> np.ndarray:
+        found: np.ndarray = W[1:] @ np.array([1.0, -mu * math.cos(a), -mu * math.sin(a)])
+        return found
+
+    def across(a: float) -> float:
+        s_1, s_2 = rate(a)
+        return float(math.cos(a) * s_2 - math.sin(a) * s_1)
+
+    for a in _zeros(across):
+        d = np.array([math.cos(a), math.sin(a)])
+        if rate(a) @ d > 0.0:
+            yield d
+
+
+def _zeros(function: Callable[[float], float]) -> Iterator[float]:
+    """Yield the angles at which ``function`` changes its sign."""
+    angles = np.linspace(0.0, 2.0 * math.pi, SAMPLES + 1).tolist()
+    value = [function(a) for a in angles]
     for i in range(SAMPLES):
         if value[i] * value[i + 1] <= 0.0:
-            a = _zero(across, float(angles[i]), float(angles[i + 1]))
-            d = np.array([math.cos(a), math.sin(a)])
-            z = _sliding(W, q, mu, d)
-            if (W[1:] @ z + q[1:]) @ d >= 0.0:
-                yield z
+            yield _zero(function, angles[i], angles[i + 1])
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:
