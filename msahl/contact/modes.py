@@ -252,7 +252,7 @@ class ContactModes:
 
     def _resolve(self, which: np.ndarray, was: np.ndarray, cause: _Cause) -> None:
         stuck = sticking(self.system)
-        self._remove_violation(int(which[0]))
+        self._remove_violation(int(which[0]), self._ended(which, cause))
         response = of_contacts.respond(
             self.system, self.contacts, which, self.state, self.without, self.work_arrays
         )
@@ -349,12 +349,25 @@ class ContactModes:
         """Return rates, without those that are round-off."""
         return np.where(np.abs(rate) <= STILL * self._speed, 0.0, rate)
 
-    def _remove_violation(self, k: int) -> None:
+    def _ended(self, which: np.ndarray, cause: _Cause) -> np.ndarray | None:
+        """Return which contact with friction (k,) has come to the end of its slip, None without."""
+        group = self.system.forces.sliding
+        if cause.ends < 0 or group is None:
+            return None
+        own = self.contacts.sliding[which[cause.ends]]
+        _, _, rate = self._gaps()
+        slip = float(np.hypot(*rate[group.along[own]]))
+        return np.arange(group.row.size) == own if slip <= END * self.fastest else None
+
+    def _remove_violation(self, k: int, ended: np.ndarray | None = None) -> None:
         """Project the velocities onto joints and closed contacts, which schemes of order 2 satisfy
         to their error only: impulses would do work on it. The energy counts as work of contact
-        ``k``.
+        ``k``. Slips that have ``ended`` stay zero.
         """
         before = self._energy()
+        if ended is not None:
+            value, _, _ = self._gaps()
+            set_sticking(self.system, sticking(self.system) | ended, value)
         project(self.system, self.state, self.work_arrays, self.unknowns)
         self.state.work[self.contacts.column[k]] += self._energy() - before
 
