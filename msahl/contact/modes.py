@@ -56,7 +56,7 @@ GAINED = 1e-10
 PLAIN_CALLS = 2000
 """Calls of kernels that stay plain Python: those of a hundred events."""
 STILL = 1e-12
-"""Rate of a gap, over the largest speed, that is zero but for round-off."""
+"""Rate of a gap or slip, over the largest speed so far, that is zero but for round-off."""
 END = 1e-9
 """Slip at the event that ends it, over the largest speed, that is zero."""
 SLIPS = 1e-9
@@ -347,7 +347,7 @@ class ContactModes:
 
     def _rounded(self, rate: np.ndarray) -> np.ndarray:
         """Return rates, without those that are round-off."""
-        return np.where(np.abs(rate) <= STILL * self._speed, 0.0, rate)
+        return np.where(np.abs(rate) <= STILL * self.fastest, 0.0, rate)
 
     def _ended(self, which: np.ndarray, cause: _Cause) -> np.ndarray | None:
         """Return which contact with friction (k,) has come to the end of its slip, None without."""
@@ -453,12 +453,10 @@ class ContactModes:
             moves = np.hypot(*np.where(rough[:, None], a[t], 0.0).T)
             size = float(np.abs(response.W * force).max(initial=0.0)) + float(np.abs(b).max())
             slips = sticks & (moves > SLIPS * size) & (T >= (1.0 - SLIPS) * radius)
-            if not slips.any():
-                return force, sticks, toward
             broken |= slips
-            known = slips & (cones.friction == self.contacts.friction[response.which])
-            toward[known] = a[t[known]] / moves[known, None]
-            if known[slips].all():
+            if not slips.any() or (cones.friction == self.contacts.friction[response.which]).all():
+                begins = broken & np.isnan(toward[:, 0])
+                toward[begins] = a[t[begins]] / moves[begins, None]
                 return force, sticks & ~slips, toward
 
     def _impending(self, response: Response, k: int) -> np.ndarray:
