@@ -1,9 +1,9 @@
 """The complementarity problem of one contact with friction, by cases: see ``friction``.
 
-    open       z_n = least: the tangential part is the least of a quadratic form in a disk
-    sticks     w = 0 and |z_t| <= mu z_n
-    slides     w_n = 0 and z_t = -mu z_n d, where d = (cos a, sin a) is the direction of w_t: a zero
-               of d x w_t as a function of the angle a, found by its changes of sign
+open       z_n = least: the tangential part is the least of a quadratic form in a disk
+sticks     w = 0 and |z_t| <= mu z_n
+slides     w_n = 0 and z_t = -mu z_n d, where d = (cos a, sin a) is the direction of w_t: a zero
+           of d x w_t as a function of the angle a, found by its changes of sign
 """
 
 import math

@@ -9,11 +9,11 @@ direction d of z_t = -mu z_n d is given. The equations
 
     z_n = max(least, z_n - r w_n),    z_t = the nearest to z_t - r w_t in the disk of radius mu z_n
 
-are solved by Newton's method on their pieces, from where the problems of one contact after the other
-(``cone``) have led, and for a few contacts also from each choice of open, sticking and sliding ones. A
-solution is one only if it satisfies them to round-off. Source: P. Alart, A. Curnier, A mixed
-formulation for frictional contact problems prone to Newton like solution methods, Comput. Methods
-Appl. Mech. Engrg. 92 (1991).
+are solved by Newton's method on their pieces, from where the problems of one contact after the
+other (``cone``) have led, and for a few contacts also from each choice of open, sticking and
+sliding ones. A solution is one only if it satisfies them to round-off. Source: P. Alart, A.
+Curnier, A mixed formulation for frictional contact problems prone to Newton like solution methods,
+Comput. Methods Appl. Mech. Engrg. 92 (1991).
 """
 
 import itertools
@@ -32,6 +32,8 @@ NEAR = 1e-4
 """Change in a round of the contacts, relative to the largest, from which Newton's method begins."""
 ROUNDS, NEWTON = 100, 30
 """Rounds of the contacts, and steps of Newton's method, before another start is tried."""
+LARGEST, SOLVED = 1e10, 1e-10
+"""Size of a solution, and its residual, from which on a matrix counts as singular."""
 FEW = 4
 """Contacts of which every choice of states is tried."""
 
@@ -68,7 +70,9 @@ def solve(W: np.ndarray, q: np.ndarray, cones: Cones) -> np.ndarray:
 
 
 def refuse_jammed(W: np.ndarray, cones: Cones) -> None:
-    """Raise ``Jammed`` where the reduced normal coefficient of a sliding contact is not positive."""
+    """Raise ``Jammed`` where the reduced normal coefficient of a sliding contact is negative, or
+    zero.
+    """
     for k, n in enumerate(cones.normal):
         if math.isnan(cones.toward[k, 0]) or cones.friction[k] == 0.0:
             continue
@@ -117,10 +121,10 @@ def _residual(
             e = y / length
             F[t] -= radius * e
             J[t, n] -= by_n * e
-            turn = radius / length * (np.eye(2) - np.outer(e, e))
+            rotated = radius / length * (np.eye(2) - np.outer(e, e))
             by_z = -r * W[t]
             by_z[[0, 1], t] += 1.0
-            J[t] -= turn @ by_z
+            J[t] -= rotated @ by_z
     return F, J
 
 
@@ -148,10 +152,10 @@ def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the solution of A x = b, the least one where A is singular to round-off."""
     try:
         x: np.ndarray = np.linalg.solve(A, b)
+        if np.abs(x).max() < LARGEST and np.abs(A @ x - b).max() <= SOLVED * np.abs(b).max():
+            return x
     except np.linalg.LinAlgError:
-        x = np.full(b.size, np.inf)
-    if np.abs(A @ x - b).max() <= 1e-10 * np.abs(b).max() and np.abs(x).max() < 1e10:
-        return x
+        pass
     return np.linalg.lstsq(A, b, rcond=1e-13)[0]
 
 
@@ -186,9 +190,7 @@ def _project(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.nd
     return z
 
 
-def _start_of(
-    W: np.ndarray, q: np.ndarray, cones: Cones, states: tuple[int, ...]
-) -> np.ndarray:
+def _start_of(W: np.ndarray, q: np.ndarray, cones: Cones, states: tuple[int, ...]) -> np.ndarray:
     """Return z where the contacts are open (0), stick (1) or slide (2), along what q has."""
     A, b = np.eye(q.size), np.zeros(q.size)
     for k, (n, t, mu, least, d) in enumerate(zip(*cones, strict=True)):

@@ -288,8 +288,8 @@ class ContactModes:
             self.next_touch = float(self.state.time[0] + BEYOND * time.min())
 
     def _rates(self, response: Response, cause: _Cause) -> np.ndarray:
-        """Return the rates along the directions (m,), without round-off; a slip that has come to its
-        end is removed.
+        """Return the rates along the directions (m,), without round-off; a slip that has come to
+        its end is removed.
         """
         _, _, rate = self._gaps()
         self.fastest = max(self.fastest, self._speed)
@@ -452,9 +452,10 @@ class ContactModes:
             a = b + response.W @ force
             moves = np.hypot(*np.where(rough[:, None], a[t], 0.0).T)
             size = float(np.abs(response.W * force).max(initial=0.0)) + float(np.abs(b).max())
-            slips = sticks & (moves > SLIPS * size) & (T >= (1.0 - SLIPS) * radius)
+            slips = sticks & (moves > SLIPS * size) & ((1.0 - SLIPS) * radius <= T)
             broken |= slips
-            if not slips.any() or (cones.friction == self.contacts.friction[response.which]).all():
+            grips = cones.friction > self.contacts.friction[response.which]
+            if not (slips.any() and grips.any()):
                 begins = broken & np.isnan(toward[:, 0])
                 toward[begins] = a[t[begins]] / moves[begins, None]
                 return force, sticks & ~slips, toward
@@ -534,37 +535,35 @@ class ContactModes:
         for k, c in enumerate(response.which):
             v, w, name = float(before[k]), float(after.speed[k]), self.names[c]
             own = response.tangent[k]
-            slips = [0.0] * 4
+            slip, slip_after, across, lost = 0.0, 0.0, 0.0, 0.0
             if own[0] >= 0:
-                sizes = [float(np.hypot(*of[own])) for of in (before, after.speed, impulse)]
-                slips = [*sizes, 0.0 - float(work[own].sum())]
+                slip, slip_after, across = (
+                    float(np.hypot(*of[own])) for of in (before, after.speed, impulse)
+                )
+                lost = 0.0 - float(work[own].sum())
             if impulse[k] > 0.0:
                 self.impacts += 1
-                lost = 0.0 - float(work[k]) + slips[3]
-                self.events.append(
-                    ContactEvent(t, IMPACT, name, v, w, float(impulse[k]), lost, *slips, 0.0)
-                )
-            turns = k == cause.ends and not after.sticks[k] and after.force[k] > 0.0
-            for kind in [*self._changes(k, int(c), past, after), *([SLIDES] if turns else [])]:
-                slip = slips[1]
-                self.events.append(
-                    ContactEvent(
-                        *(t, kind, name, w, w, 0.0, 0.0, slip, slip, 0.0, 0.0),
-                        float(remaining[k]) if kind == CLOSES else 0.0,
-                    )
-                )
+                L, total = float(impulse[k]), lost - float(work[k])
+                given = (v, w, L, total, slip, slip_after, across, lost)
+                self.events.append(ContactEvent(t, IMPACT, name, *given, 0.0))
+            for kind in self._changes(k, int(c), past, after, k == cause.ends):
+                left = float(remaining[k]) if kind == CLOSES else 0.0
+                still = (w, w, 0.0, 0.0, slip_after, slip_after, 0.0, 0.0)
+                self.events.append(ContactEvent(t, kind, name, *still, left))
 
     def _changes(
-        self, k: int, c: int, past: tuple[np.ndarray, np.ndarray], after: _After
+        self, k: int, c: int, past: tuple[np.ndarray, np.ndarray], after: _After, ended: bool
     ) -> list[str]:
-        """Return the kinds of events by which contact ``c``, number ``k`` here, changes."""
+        """Return the kinds of events by which contact ``c``, number ``k`` here, changes; its slip
+        may have ``ended``, and begin again.
+        """
         (was, stuck), now = past, after.force[k] > 0.0
         changes = [] if now == was[c] else [CLOSES if now else OPENS]
         own = self.contacts.sliding[c]
         if own < 0 or not now:
             return changes
         sticks = bool(after.sticks[k])
-        if not was[c] or sticks != stuck[own]:
+        if not was[c] or sticks != stuck[own] or (ended and not sticks):
             changes.append(STICKS if sticks else SLIDES)
         return changes
 

@@ -2,9 +2,9 @@
 
     dv/dL = W (1, -mu d)     d = s/|s| while it slips                   v = (gap's rate, slip s)
                              d = the one in the disk |d| <= 1 by which ds/dL = 0, where it sticks
-    A(L) = integral of v_n dL;    at the end A = (1 - e^2) A_c          A_c at the end of compression
+    A(L) = integral of v_n dL;    at the end A = (1 - e^2) A_c      A_c at the end of compression
 
-Where s keeps its line, v is linear in L by pieces and all is exact; where it turns, the piece is
+Where s keeps its line, v is linear in L by pieces and all is exact; where it rotates, the piece is
 integrated to ``RELATIVE``. Source: W. J. Stronge, Rigid body collisions with friction, Proc. R.
 Soc. Lond. A 431 (1990).
 """
@@ -18,11 +18,11 @@ from msahl.contact.complementarity import NoSolution
 from msahl.contact.cone import directions_from_rest
 
 STRAIGHT = 1e-13
-"""Turn of the slip, relative, that is none."""
+"""Rotation of the slip, relative, that is none."""
 ENDED = 1e-12
 """Slip, over the largest rate before the impact, that is zero."""
 RELATIVE = 1e-13
-"""Accuracy of the integration of a slip that turns."""
+"""Accuracy of the integration of a slip that rotates."""
 MOST_PIECES = 20
 
 
@@ -46,9 +46,9 @@ def impulse(W: np.ndarray, v: np.ndarray, e: float, mu: float) -> np.ndarray:
         slip = math.hypot(*now.v[1:])
         d = now.v[1:] / slip if slip > still else _from_rest(W, mu)
         rate = W @ np.array([1.0, *(-mu * d)])
-        turn = abs(d[0] * rate[2] - d[1] * rate[1])
-        if slip > still and turn > STRAIGHT * float(np.abs(rate).max()):
-            now = _turning(W, mu, now, wanted, still)
+        across = abs(d[0] * rate[2] - d[1] * rate[1])
+        if slip > still and across > STRAIGHT * float(np.abs(rate).max()):
+            now = _rotating(W, mu, now, wanted, still)
         else:
             now = _straight(rate, mu * d, now, wanted, slip > still)
         if now.slip_ended:
@@ -89,8 +89,8 @@ def _straight(
     return _Piece(v + L * rate, total, work, ends == L, until == L)
 
 
-def _turning(W: np.ndarray, mu: float, now: _Piece, wanted: float, still: float) -> _Piece:
-    """Return what follows a piece in which the slip turns, by integration."""
+def _rotating(W: np.ndarray, mu: float, now: _Piece, wanted: float, still: float) -> _Piece:
+    """Return what follows a piece in which the slip rotates, by integration."""
     from scipy.integrate import solve_ivp  # which few impacts need
 
     def push(y: np.ndarray) -> np.ndarray:

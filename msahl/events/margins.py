@@ -205,7 +205,9 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
             gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
             yield gap._replace(level=float(contacts.limit[k]), near=float(contacts.round_off[k]))
     group = system.forces.sliding
-    for k in range(0 if group is None else group.row.size):
+    if group is None:
+        return
+    for k in range(group.row.size):
         if group.friction[k] > 0.0:
             yield Margin(FRICTION, k, CONTACT, direction=-1, near=float(group.still[k]))
         elif is_active(rows)[group.tangent[k]].any():

@@ -32,7 +32,7 @@ from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.formulations.absolute.multipliers import by_unknown, multiplier
 from msahl.jit.kernel import kernel, optional
 
-TURNED = 0.99
+ROTATED = 0.99
 """Cosine of the rotation of a slip's direction from step to step that counts as none."""
 
 
@@ -63,10 +63,10 @@ def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, fl
 
 
 @kernel
-def turns_by(
+def rotation_row(
     group: Sliding, k: int, d_1: float, d_2: float, s_1: float, s_2: float
 ) -> tuple[float, float]:
-    """Return the vector whose product with a change of s, over |s|, turns the direction ``d``."""
+    """Return the vector whose product with a change of s, over |s|, rotates the direction ``d``."""
     t_1, t_2 = group.toward[k, 0], group.toward[k, 1]
     row_1, row_2 = -d_2, d_1
     if s_1 * t_1 + s_2 * t_2 < 0.0:
@@ -82,9 +82,9 @@ def slip_of(group: Sliding, k: int, rate: np.ndarray) -> tuple[float, float]:
 
 
 @optional()
-def turn(
+def update_directions(
     group: Sliding,
-    scalar: ScalarConstraints,
+    scalar: ScalarConstraints | None,
     start: ScalarWorkspace,
     motion: FramesWorkspace,
     value: np.ndarray,
@@ -93,8 +93,9 @@ def turn(
     place: int,
 ) -> None:
     """Set ``toward`` to the directions at the start of a step; ``value`` and ``rate`` (q,) receive
-    the coordinates. Where one has turned, ``known[place]`` becomes nan.
+    the coordinates. Where one has rotated, ``known[place]`` becomes nan.
     """
+    assert scalar is not None
     values(scalar, start, motion, value, rate)
     for k in range(group.row.size):
         s_1, s_2 = slip_of(group, k, rate)
@@ -102,7 +103,7 @@ def turn(
         if group.friction[k] == 0.0 or speed <= group.still[k]:
             continue
         s_1, s_2 = s_1 / speed, s_2 / speed
-        if s_1 * group.toward[k, 0] + s_2 * group.toward[k, 1] < TURNED:
+        if s_1 * group.toward[k, 0] + s_2 * group.toward[k, 1] < ROTATED:
             known[place] = math.nan
         group.toward[k, 0], group.toward[k, 1] = s_1, s_2
 
@@ -110,7 +111,7 @@ def turn(
 @optional(0.0)
 def margin(
     group: Sliding,
-    scalar: ScalarConstraints,
+    scalar: ScalarConstraints | None,
     k: int,
     rate: np.ndarray,
     force: np.ndarray,
@@ -120,6 +121,7 @@ def margin(
     that sticks the grip that is left, mu_s N - |T|; ``force`` (n, 3) are multipliers over their
     ``unit``.
     """
+    assert scalar is not None
     if group.friction[k] != 0.0:
         s_1, s_2 = slip_of(group, k, rate)
         return s_1 * group.toward[k, 0] + s_2 * group.toward[k, 1]
@@ -138,9 +140,10 @@ def load_of(scalar: ScalarConstraints, r: int, force: np.ndarray, unit: np.ndarr
 
 @optional()
 def set_forces(
-    group: Sliding, scalar: ScalarConstraints, force: np.ndarray, reaction: np.ndarray
+    group: Sliding, scalar: ScalarConstraints | None, force: np.ndarray, reaction: np.ndarray
 ) -> None:
     """Set the contacts' rows of ``reaction`` (j + k, 6) from the multipliers (n, 3)."""
+    assert scalar is not None
     place = scalar.equations.place
     for k in range(group.row.size):
         row = reaction[group.reaction[k]]
@@ -214,7 +217,7 @@ def factors(
 @optional()
 def add_derivatives(
     group: Sliding,
-    scalar: ScalarConstraints,
+    scalar: ScalarConstraints | None,
     place: ScalarWorkspace,
     reaction: np.ndarray,
     frames: Frames,
@@ -222,15 +225,16 @@ def add_derivatives(
     out: Derivatives,
 ) -> None:
     """Add the derivatives of ``add_loads`` by mass at the same N, after ``scalar.differentiate``:
-    the direction turns by the slip across it.
+    the direction rotates by the slip across it.
     """
+    assert scalar is not None
     coords, q = scalar.coordinates, place.coordinates
     for k in range(group.row.size):
         s_1, s_2 = slip_of(group, k, place.rate)
         d_1, d_2, speed = direction(group, k, s_1, s_2)
         if group.friction[k] == 0.0 or speed == 0.0:
             continue
-        row_1, row_2 = turns_by(group, k, d_1, d_2, s_1, s_2)
+        row_1, row_2 = rotation_row(group, k, d_1, d_2, s_1, s_2)
         first, second = group.along[k, 0], group.along[k, 1]
         force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
         row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
@@ -275,7 +279,7 @@ def add_columns(
 @optional()
 def add_to_matrix(
     group: Sliding,
-    scalar: ScalarConstraints,
+    scalar: ScalarConstraints | None,
     place: ScalarWorkspace,
     frames: Frames,
     dt2: float,
@@ -284,6 +288,7 @@ def add_to_matrix(
     """Add friction to the matrix ``out`` of the index-1 problem, of a step whose displacement by
     acceleration is ``dt2``, after ``scalar.rates``.
     """
+    assert scalar is not None
     for k in range(group.row.size):
         if group.friction[k] != 0.0:
             d_1, d_2, _ = direction(group, k, *slip_of(group, k, place.rate))
@@ -341,7 +346,7 @@ def mean_jacobian(
         first, second = group.along[k, 0], group.along[k, 1]
         N = multiplier(scalar.equations, frames, Z, dt2, group.row[k])
         force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
-        row_1, row_2 = turns_by(group, k, d_1, d_2, q.change[first], q.change[second])
+        row_1, row_2 = rotation_row(group, k, d_1, d_2, q.change[first], q.change[second])
         row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
         c = factors(coords, frames, -dt2, first, -group.friction[k] * N / (h * speed))
         add_outer(out, coords.block, first, c, force, row)

@@ -143,7 +143,7 @@ def begin_step(detector: Detector, workspace: Workspace) -> None:
     detector.event[0] = -1
     if margins.hold_known(detector.margins, t, detector.figures[NEAR]):
         detector.figures[KNOWN] = math.nan
-    turn_slips(detector, workspace)
+    update_slips(detector, workspace)
     if detector.figures[KNOWN] != t and not is_idle(detector, t):
         set_margins(detector, workspace, detector.ends[0])
     hold_switches(detector, t)
@@ -151,10 +151,10 @@ def begin_step(detector: Detector, workspace: Workspace) -> None:
 
 
 @kernel
-def turn_slips(detector: Detector, workspace: Workspace) -> None:
+def update_slips(detector: Detector, workspace: Workspace) -> None:
     """Let the slips of contacts count along their directions at the start of a step."""
     own, start = detector.margins, workspace.start
-    sliding.turn(
+    sliding.update_directions(
         *(workspace.system.forces.sliding, workspace.system.scalar, start.scalar, start.frames),
         *(own.coordinate, own.rate, detector.figures, KNOWN),
     )

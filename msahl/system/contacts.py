@@ -105,9 +105,7 @@ def set_sticking(system: System, which: np.ndarray, value: np.ndarray) -> None:
         _set(system.scalar.equations, group.tangent.reshape(-1), np.repeat(which, 2), value)
 
 
-def _set(
-    rows: ConstraintEquations, row: np.ndarray, which: np.ndarray, value: np.ndarray
-) -> None:
+def _set(rows: ConstraintEquations, row: np.ndarray, which: np.ndarray, value: np.ndarray) -> None:
     """Let those of the equations ``row`` (n,) hold which ``which`` (n,) says."""
     rows.coefficient[row, 0] = np.where(which, 1.0, 0.0)
     rows.offset[row] = np.where(which, value[rows.coordinate[row, 0]], 0.0)

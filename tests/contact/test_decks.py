@@ -19,6 +19,7 @@ DECKS = ROOT / "decks" / "contact"
 BALL = (DECKS / "bouncing_ball.xml").read_text()
 ROPE = (DECKS / "slack_rope.xml").read_text()
 WALL = (DECKS / "pendulum_at_a_wall.xml").read_text()
+SPHERE = (DECKS / "sliding_sphere.xml").read_text()
 
 
 def faults_of(tmp_path, text, old, new):
@@ -44,7 +45,10 @@ def test_records_are_those_of_the_deck():
     assert wall.lower == pytest.approx(-0.5235987755982988, abs=1e-16)
 
 
-@pytest.mark.parametrize("name", ["bouncing_ball", "slack_rope", "pendulum_at_a_wall"])
+@pytest.mark.parametrize(
+    "name",
+    ["bouncing_ball", "slack_rope", "pendulum_at_a_wall", "sliding_sphere", "box_on_slope"],
+)
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
     model = deck(name)
     model = replace(model, simulation=replace(model.simulation, impact_law="newton"))
@@ -57,6 +61,24 @@ def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
 
 
 FAULTS = {
+    "friction": (
+        SPHERE,
+        "<friction>0.2</friction>",
+        "<friction>-0.2</friction>",
+        "friction: it is -0.2; it must not be less than zero",
+    ),
+    "static friction": (
+        SPHERE,
+        "<friction>0.2</friction>",
+        "<friction>0.2</friction><staticFriction>0.1</staticFriction>",
+        "staticFriction: it is 0.1, and friction 0.2; it must not be less than friction",
+    ),
+    "sphere on a body": (
+        SPHERE,
+        "<parent><name>Earth</name><normal><z>1</z></normal></parent>\n        <child><name>Ball",
+        "<parent><name>Ball</name><normal><z>1</z></normal></parent>\n        <child><name>Earth",
+        "a sphere has friction on a plane of a ground only, and 'Ball' is a body",
+    ),
     "overlap": (BALL, "<z>1.1</z>", "<z>0.05</z>", "0.05 m below the plane at t = 0"),
     "too long": (
         ROPE,

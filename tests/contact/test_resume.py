@@ -45,6 +45,10 @@ CASES = [
     ("slack_rope", "gauss3", 90),
     ("slack_rope", "radau2", 200),
     ("slack_rope", "gauss3", 30),
+    ("sliding_sphere", "gauss2", 20),
+    ("sliding_sphere", "decaying", 29),
+    ("box_on_slope", "preserving", 24),
+    ("box_on_slope", "radau2", 40),
 ]
 
 
