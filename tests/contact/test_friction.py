@@ -181,6 +181,18 @@ def test_slip_rotates_and_ends_on_a_curved_way(scheme, dt, allowed):
     assert report.extremes["energyErrorMax"] < 1e-12
 
 
+def test_rocking_block_changes_its_edge():
+    report, _, events = run_events(deck("rocking_block"), "gauss3")
+    expected = [0.312308575112622, 0.820592229082601, 1.25187674446184]
+    assert times_of(events, "impact") == pytest.approx(expected, abs=EXACT)
+    lost = [event[6] for event in events if event[1] == "impact"]
+    assert lost[0] == pytest.approx(0.0152594979682, abs=1e-12)
+    # The energy of each is that of the last one by the square of the ratio of rates.
+    ratio = 0.911764705882353**2
+    assert np.divide(lost[1:], lost[:-1]) == pytest.approx([ratio, ratio], abs=1e-7)
+    assert report.contacts["energyLost"] == pytest.approx(sum(lost), abs=1e-12)
+
+
 def rod(mu, degrees):
     """A uniform rod of 1 m whose lower end slides with -1 m/s, at an angle with the floor."""
     angle = float(np.radians(degrees))
