@@ -1,6 +1,7 @@
-"""How contacts answer to impulses: the matrix of the complete mechanism, seen from their gaps, and
-from their slips where they have friction. Both are *directions* of a contact, m in all; the gaps
-are the first k of them.
+"""How contacts answer to impulses: the matrix of the complete mechanism, seen from their gaps.
+
+With friction it is seen from their slips as well. Both are *directions* of a contact, m in all; the
+gaps are the first k of them.
 
     [ M  -G^T ] [ dv ]   [ n^T L ]          rates of gaps:  v+ = v- + W L,    W = n dv/dL
     [ G    0  ] [ mu ] = [   0   ]

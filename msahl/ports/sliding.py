@@ -90,10 +90,9 @@ def update_directions(
     value: np.ndarray,
     rate: np.ndarray,
     known: np.ndarray,
-    place: int,
 ) -> None:
     """Set ``toward`` to the directions at the start of a step; ``value`` and ``rate`` (q,) receive
-    the coordinates. Where one has rotated, ``known[place]`` becomes nan.
+    the coordinates. Where one has rotated, ``known`` (1,) becomes nan.
     """
     assert scalar is not None
     values(scalar, start, motion, value, rate)
@@ -104,7 +103,7 @@ def update_directions(
             continue
         s_1, s_2 = s_1 / speed, s_2 / speed
         if s_1 * group.toward[k, 0] + s_2 * group.toward[k, 1] < ROTATED:
-            known[place] = math.nan
+            known[0] = math.nan
         group.toward[k, 0], group.toward[k, 1] = s_1, s_2
 
 

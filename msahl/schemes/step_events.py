@@ -156,7 +156,7 @@ def update_slips(detector: Detector, workspace: Workspace) -> None:
     own, start = detector.margins, workspace.start
     sliding.update_directions(
         *(workspace.system.forces.sliding, workspace.system.scalar, start.scalar, start.frames),
-        *(own.coordinate, own.rate, detector.figures, KNOWN),
+        *(own.coordinate, own.rate, detector.figures[KNOWN : KNOWN + 1]),
     )
 
 
