@@ -578,6 +578,8 @@ class ContactModes:
         now[which] = presses
         set_closed(system, self.contacts, now, value)
         if (group := system.forces.sliding) is not None:
+            # What a decaying scheme remembers would move a slip that begins against its direction.
+            state.v_rise[:], state.w_rise[:] = 0.0, 0.0
             sticks, own = np.zeros(group.row.size, dtype=bool), self.contacts.sliding[which]
             sticks[own[after.sticks & presses]] = True
             set_sticking(system, sticks, value)

@@ -135,6 +135,32 @@ def test_order_through_reversals_and_the_end_of_a_slip(scheme, steps, least):
     assert (np.log2(np.divide(errors[:-1], errors[1:])) >= least).all()
 
 
+def in_closed_form(t):
+    """Place of the block of ``oscillator(x=0.2)`` at the times ``t`` (m,)."""
+    half, mu = np.minimum((10.0 * t / np.pi).astype(int), 4), 0.25 * 9.81 / 100.0
+    sign, amplitude = (-1.0) ** half, 0.2 - 2.0 * mu * half - mu
+    moving = sign * (amplitude * np.cos(10.0 * t - np.pi * half) + mu)
+    return np.where(half == 4, 0.0038, moving)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "dt"),
+    [
+        ("preserving", 0.01),
+        ("decaying", 0.005),
+        ("gauss2", 0.02),
+        ("gauss3", 0.04),
+        ("radau2", 0.01),
+    ],
+)
+def test_estimated_error_is_that_through_reversals(scheme, dt):
+    report, sink, _ = run_events(oscillator(x=0.2), scheme, dt, 1.2, error="estimate")
+    states = sink.table("states")
+    error = np.abs(states[:, 1] - in_closed_form(states[:, 0])).max()
+    assert 1.0 < report.error["position"] / error < 2.0
+    assert report.verdict["word"] == "PASS"
+
+
 def test_tolerance_holds_through_reversals():
     _, sink, events = run_events(oscillator(x=0.2), "auto", None, 2.0, 1e-9)
     times = [event[0] for event in events if event[0] > 0.0]
