@@ -40,6 +40,7 @@ ORDER = (
     "events",
     "start",
     "contact",
+    "switching",
     "schemes",
     "run",
     "results",

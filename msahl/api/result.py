@@ -209,7 +209,7 @@ class Result:
 
     @property
     def events(self) -> "pd.DataFrame":
-        """Impacts of contacts, and when they close and open; without rows if there were none."""
+        """What happened to contacts, and by events of the deck; without rows if nothing did."""
         if EVENTS in self._arrays:
             return self.frame(EVENTS)
         import pandas as pd

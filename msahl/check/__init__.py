@@ -15,6 +15,7 @@ from msahl.check.bodies import body_findings
 from msahl.check.contacts import contact_findings, overlap_findings
 from msahl.check.context import INERTIAL, Context, add_values, context_of
 from msahl.check.ends import is_placed
+from msahl.check.events import event_findings, switchable_findings
 from msahl.check.faults import Fault, Finding, ModelError, number_findings
 from msahl.check.joint_fit import fit_findings, twist_findings
 from msahl.check.joints import coupling_findings, joint_findings, kind_findings
@@ -79,6 +80,10 @@ def check(model: Model) -> list[Fault]:
     for stop in model.stops:
         findings = expression_findings("when", stop.expression, context)
         found += [Fault("stop", "", finding.part, finding.message) for finding in findings]
+    for event in model.events:
+        found += _faults("event", event.name, event_findings(event, context))
+    for name in model.released:
+        found += _faults("events", "", switchable_findings("released", name, context.switchable))
     signals = {signal.name: signal for signal in model.signals}
     found += [Fault("signal", name, "", message) for name, message in circle_findings(signals)]
     run = [*simulation_findings(model.simulation), *start_findings(model)]
@@ -116,6 +121,7 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
     others += [("motion", element) for element in model.motions]
     others += [("contact", element) for element in model.contacts]
+    others += [("event", element) for element in model.events]
     others += [("load", element) for element in model.loads]
     others += [("signal", element) for element in model.signals]
     others += [("beam", element) for element in model.beams]
@@ -208,7 +214,8 @@ def _lift(coupling: Any, context: Context) -> Iterator[Finding]:
 
 
 def _motion_faults(model: Model) -> Iterator[Fault]:
-    motions = [motion for motion in model.motions if isinstance(motion, JointMotion)]
+    acting = [motion for motion in model.motions if motion.name not in model.released]
+    motions = [motion for motion in acting if isinstance(motion, JointMotion)]
     pairs = [(motion.joint, motion.coordinate) for motion in motions]
     for index, message in repeated_motions(pairs, lambda first: f"'{motions[first].name}'"):
         yield Fault("motion", motions[index].name, "", message)

@@ -27,7 +27,9 @@ class Context:
     farthest from the inertial origin [m]; ``grounds`` the names of all grounds, and ``INERTIAL`` if
     there may be others; ``kinds`` the kind of every joint by name; ``markers`` the body of every
     marker. ``values`` are the names that expressions of the motion may use, ``tables`` the numbers
-    of arguments of the tables that these may call. With ``project`` joints need not fit at t = 0.
+    of arguments of the tables that these may call; ``switchable`` are those of what events may
+    release or engage, ``released`` of what is released at t = 0. With ``project`` joints need not
+    fit at t = 0.
     """
 
     project: bool = False
@@ -39,6 +41,8 @@ class Context:
     markers: dict[str, str] = field(default_factory=dict)
     values: dict[str, None] = field(default_factory=dict)
     tables: dict[str, int] = field(default_factory=dict)
+    switchable: dict[str, None] = field(default_factory=dict)
+    released: frozenset[str] = frozenset()
 
     def bodies(self) -> list[str]:
         """Names of all bodies and grounds."""
@@ -76,7 +80,7 @@ def add_values(context: Context, signals: Iterable[AnySignal]) -> None:
 
 def context_of(model: Model) -> Context:
     """Return the context of a model's elements."""
-    context = Context(project=model.position == "project")
+    context = Context(project=model.position == "project", released=frozenset(model.released))
     for ground in model.grounds:
         context.axes[ground.name] = IDENTITY
         context.grounds[ground.name] = None
@@ -86,5 +90,7 @@ def context_of(model: Model) -> Context:
         context.place(body.name, body.position)
     context.kinds.update({joint.name: joint.kind for joint in model.joints})
     context.markers.update({marker.name: marker.body for marker in model.markers})
+    constrained = (*model.joints, *model.couplings, *model.motions, *model.contacts)
+    context.switchable.update((element.name, None) for element in constrained)
     add_values(context, model.signals)
     return context

@@ -19,7 +19,11 @@ from msahl.model.joints import Joint
 
 
 def fit_findings(joint: Joint, context: Context) -> Iterator[Finding]:
-    """Find what violates the joint at t = 0; with ``project`` only what no motion can correct."""
+    """Find what violates the joint at t = 0; with ``project`` only what no motion can correct, and
+    nothing of a joint that is released.
+    """
+    if joint.name in context.released:
+        return
     if KINDS[joint.kind].equations(joint) == [Coincide()]:
         if not context.project:
             yield from apart(joint, context)

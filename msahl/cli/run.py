@@ -294,6 +294,8 @@ class RunCommand:
         if report.stop and not self.quiet:
             condition, t = report.stop["condition"], report.stop["time"]
             lines.append(f"{self.deck}: ended at t = {t:g} s, where {condition}")
+        for said in (report.events or {}).get("messages", ()) if not self.quiet else ():
+            lines.append(f"{self.deck}: t = {said['time']:.9g} s: {said['message']}")
         if report.message:
             lines.append(f"{self.deck}: {report.message}")
         if self.verbose:

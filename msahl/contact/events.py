@@ -1,18 +1,21 @@
-"""What happened to contacts: the rows of ``events.csv``."""
+"""What happened to contacts and by events of the deck: the rows of ``events.csv``."""
 
 from typing import NamedTuple
 
 IMPACT, CLOSES, OPENS, STICKS, SLIDES = "impact", "closes", "opens", "sticks", "slides"
+RELEASES, ENGAGES, HAPPENS = "releases", "engages", "happens"
 
 
 class ContactEvent(NamedTuple):
     """One contact at the time of an event. Speeds are rates of its gap, impulses those that
-    increase it.
+    increase it. Of an element that an event of the deck engages the speed is that at which its
+    constraint was violated, and the impulse that which closes it.
     """
 
     time: float  # [s]
-    kind: str  # "impact", "closes" (the gap stays zero from then on), "opens", "sticks" or "slides"
-    contact: str
+    kind: str  # "impact", "closes" (the gap stays zero from then on), "opens", "sticks", "slides";
+    # of events of the deck "releases", "engages", or "happens" where these do not name an element
+    element: str  # contact, joint, coupling or motion
     speed_before: float  # [m/s or rad/s]
     speed_after: float
     impulse: float  # [N s or N m s]
@@ -22,12 +25,14 @@ class ContactEvent(NamedTuple):
     friction_impulse: float  # [N s]
     lost_to_friction: float  # [J]
     remaining: float  # time that omitted rebounds, infinitely many, would take [s]
+    event: str = ""  # event of the deck, and its message
+    message: str = ""
 
 
 COLUMNS = [
     "time",
     "kind",
-    "contact",
+    "element",
     "gapSpeedBefore",
     "gapSpeedAfter",
     "impulse",
@@ -37,7 +42,9 @@ COLUMNS = [
     "frictionImpulse",
     "lostToFriction",
     "remainingTime",
+    "event",
+    "message",
 ]
 """Header of ``events.csv``."""
-WORDS = ("kind", "contact")
+WORDS = ("kind", "element", "event", "message")
 """Columns of words; all others are numbers."""

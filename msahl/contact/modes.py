@@ -17,7 +17,7 @@ the contact closes, and the height is added to the error estimate.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,15 +29,13 @@ from msahl.contact.events import CLOSES, IMPACT, OPENS, SLIDES, STICKS, ContactE
 from msahl.contact.friction import Cones, Jammed
 from msahl.contact.impact import SeveralAtOnce, impulses
 from msahl.contact.response import Response
-from msahl.formulations.absolute.frames import first_multiplier, moving_count
-from msahl.jit.by_size import LARGE, compiled_once
+from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.redundancy import INDEPENDENT
 from msahl.start.velocities import StartError, project, solve_accelerations
-from msahl.system import evaluate
 from msahl.system.arrays import State, System
 from msahl.system.contacts import NEAR, Contacts, closed, set_closed, set_sticking, sticking
 from msahl.system.unknowns import Unknowns, choose
-from msahl.system.work_arrays import new_work_arrays
+from msahl.system.work_arrays import PlainFirst, energy, new_work_arrays
 
 TOUCHING = 10.0
 """Gap, over its round-off, of a contact that takes part in an event of another."""
@@ -53,8 +51,6 @@ MOST_AT_ONCE = 200
 """Most events at one time."""
 GAINED = 1e-10
 """Energy that an impact adds, over what its impulses move, that is no round-off."""
-PLAIN_CALLS = 2000
-"""Calls of kernels that stay plain Python: those of a hundred events."""
 STILL = 1e-12
 """Rate of a gap or slip, over the largest speed so far, that is zero but for round-off."""
 END = 1e-9
@@ -159,8 +155,7 @@ class ContactModes:
         # The matrix at rest has no part of what a decaying scheme remembers of velocities.
         rises = {name: np.zeros_like(state.v_rise) for name in ("v_rise", "w_rise")}
         still = state._replace(**rises)
-        self.work_arrays = new_work_arrays(system, still)._replace(call=self._call)
-        self.size, self.calls = moving_count(system.frames), 0
+        self.work_arrays = new_work_arrays(system, still)._replace(call=PlainFirst(system))
         self.omitted: list[list[float]] = []
         self.next_touch = math.inf
         self.shared: set[str] = set()  # contacts whose forces are not unique
@@ -172,14 +167,15 @@ class ContactModes:
         self.gained = 0.0  # energy that impacts added [J], which Newton's law may do
 
     @property
+    def key(self) -> bytes:
+        """What differs from mode to mode."""
+        modes = (self.closed, sticking(self.system), self.contacts.acts)
+        return b"".join(array.tobytes() for array in modes)
+
+    @property
     def closed(self) -> np.ndarray:
         """(c,) which contacts are closed."""
         return closed(self.system, self.contacts)
-
-    @property
-    def key(self) -> bytes:
-        """Which contacts are closed, which of those with friction stick."""
-        return self.closed.tobytes() + sticking(self.system).tobytes()
 
     @property
     def unknowns(self) -> Unknowns:
@@ -199,7 +195,7 @@ class ContactModes:
         ``StartError`` if one overlaps.
         """
         value, gap, _ = self._gaps()
-        for k in map(int, np.flatnonzero(gap < 0.0)):
+        for k in map(int, np.flatnonzero((gap < 0.0) & self.contacts.acts)):
             if gap[k] < -OVERLAP * self.contacts.round_off[k]:
                 raise StartError(_overlaps(self.names[k], -float(gap[k])))
             self.contacts.limit[k] = value[self._coordinate[k]]
@@ -210,6 +206,21 @@ class ContactModes:
         """(c,) the contacts' coordinates."""
         return self.rows.coordinate[self.contacts.row, 0]
 
+    def switch(self, own: np.ndarray, acts: bool) -> float:
+        """Let the contacts ``own`` (c,) act from now on, or not any more; return by how much one
+        overlaps [m or rad] that is therefore not to act, else 0. ``resolve`` is to follow.
+        """
+        value, gap, _ = self._gaps()
+        if acts and (gap < -OVERLAP * self.contacts.round_off)[own].any():
+            return float(-gap[own].min())
+        self.contacts.acts[own] = acts
+        group, stuck = self.system.forces.sliding, sticking(self.system)
+        set_closed(self.system, self.contacts, self.closed & self.contacts.acts, value)
+        if group is not None:
+            released = np.isin(np.arange(stuck.size), self.contacts.sliding[~self.contacts.acts])
+            set_sticking(self.system, stuck & ~released, value)
+        return 0.0
+
     def resolve(self, event: int | None) -> None:
         """Let the contacts open and close, stick and slide, and the velocities jump, at an
         ``event`` of the contact of this number, of the friction of one (behind them), or of none.
@@ -217,6 +228,7 @@ class ContactModes:
         """
         _, gap, _ = self._gaps()
         was, near = self.closed, gap <= TOUCHING * self.contacts.round_off
+        near &= self.contacts.acts
         if event is not None and event < was.size:
             near[event] = True
         which = np.flatnonzero(was | near)
@@ -328,14 +340,6 @@ class ContactModes:
         assert self.system.scalar is not None
         return int(self.system.scalar.coordinates.kind.size)
 
-    def _call(self, kernel: Callable[..., Any], *given: Any) -> Any:
-        """Call a ``kernel``: as plain Python at first, as it takes longer to load its code. Both
-        give the same digits.
-        """
-        self.calls += 1
-        fast = self.size >= LARGE or self.calls > PLAIN_CALLS
-        return (compiled_once(kernel) if fast else kernel)(*given)
-
     def _gaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return of_contacts.gaps(self.system, self.contacts, self.state, self.work_arrays)
 
@@ -386,12 +390,7 @@ class ContactModes:
         self.state.work[column] += self._energy() - before
 
     def _energy(self) -> float:
-        state, zeros = self.state, np.zeros((2, *self.state.violation.shape))
-        self.work_arrays.call(evaluate.prepare, self.system, state, self.work_arrays.start)
-        observed = self.work_arrays.call(
-            evaluate.observe, self.system, state, self.work_arrays.start, *zeros
-        )
-        return float(observed[0] + observed[1])
+        return energy(self.system, self.state, self.work_arrays)
 
     def _push(self, response: Response, impulse: np.ndarray, before: np.ndarray) -> None:
         """Apply an ``impulse`` (m,) at the rates ``before``, and count its work."""
@@ -606,6 +605,7 @@ class ContactModes:
         """What later steps depend on, as JSON can hold it."""
         return {
             "closed": self.closed.tolist(),
+            "acts": self.contacts.acts.tolist(),
             "offset": self.rows.offset[self.contacts.row].tolist(),
             "omitted": [*self.omitted],
             "nextTouch": None if math.isinf(self.next_touch) else self.next_touch,
@@ -636,6 +636,7 @@ class ContactModes:
             set_sticking(self.system, np.array(of_friction["sticks"]), value)
             for name in CHANGING:
                 getattr(group, name)[:] = of_friction[name]
+        self.contacts.acts[:] = counters["acts"]
         self.omitted, self.impacts = [*counters["omitted"]], counters["impacts"]
         self.shared, self.gained = set(counters["shared"]), counters["gained"]
         self.fastest = counters["fastest"]

@@ -16,6 +16,7 @@ KINDS = {
     "joints": "joint",
     "motions": "motion",
     "contacts": "contact",
+    "events": "event",
     "loads": "load",
     "markers": "marker",
     "groups": "group",
@@ -211,7 +212,7 @@ def _record(element: Element) -> str:
     if element.tag == "parameter" or (parent is not None and parent.tag == "signals"):
         return f"{element.tag!s} '{attribute(element, 'name')}'"
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
-    if parent is None or kind is None:
+    if parent is None or kind is None or element.tag == "released":
         return ""
-    name = text(element.find("name"))
+    name = text(element.find("name")) or attribute(element, "name")
     return f"{kind} '{name}'" if name else f"{kind} {parent.index(element) + 1}"

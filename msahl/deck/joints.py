@@ -117,6 +117,8 @@ def _check_fixed_angle(
     ends = [element.find(side) for side in SIDES]
     if any(end is None or end.find("reference") is None for end in ends):
         return
+    if text(element.find("name")) in reader.context.released:
+        return
     parent, child = (text(end.find("name")) for end in ends if end is not None)
     x = reader.context.rotated(references[1], child, parent)
     degrees = math.degrees(math.atan2(dot(cross(references[0], x), axis), dot(references[0], x)))

@@ -66,8 +66,11 @@ def check_speeds(
 
 
 def check_prescribed_once(elements: list[Element], reader: Reader) -> None:
-    """Add a fault for every joint coordinate that has two prescribed motions."""
-    motions = [element for element in elements if element.tag == "jointMotion"]
+    """Add a fault for every joint coordinate that has two prescribed motions that act at t = 0."""
+    released = reader.context.released
+    motions = [
+        e for e in elements if e.tag == "jointMotion" and text(e.find("name")) not in released
+    ]
     pairs = [(text(e.find("joint")), text(e.find("coordinate"))) for e in motions]
     for index, message in repeated_motions(pairs, lambda k: f"line {line_of(motions[k])}"):
         reader.faults.add(motions[index], message)

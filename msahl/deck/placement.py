@@ -62,7 +62,13 @@ def place_by_joints(root: Element, reader: Reader) -> None:
     """Place the bodies that have no position of their own, and give those without velocities of
     their own the velocities by the joints, of which the deck gives coordinates or rates.
     """
-    elements = [e for e in root.iterfind("system/joints/*") if e.tag in KINDS]
+    released = reader.context.released
+    elements = [
+        e
+        for e in root.iterfind("system/joints/*")
+        if e.tag in KINDS
+        and not (text(e.find("name")) in released and e.find("initialConditions") is None)
+    ]
     with np.errstate(all="ignore"):
         placing = _Placing(root, elements, reader)
         if placing.is_sound:
@@ -334,7 +340,8 @@ class _Placing:
                 start.rates |= dict(zip(coordinates.SPATIAL[1], w, strict=True))
         by_name = {start.joint.name: start for start, _ in self.starts}
         for element in self.root.iterfind("system/motions/jointMotion"):
-            if not self.reader.faults.sound(element):
+            released = text(element.find("name")) in self.reader.context.released
+            if released or not self.reader.faults.sound(element):
                 continue
             motion = read_joint_motion(element, self.reader)
             self.is_sound &= self.reader.faults.sound(element)

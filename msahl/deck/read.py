@@ -23,6 +23,7 @@ from msahl.deck.attachments import attach_to_beams
 from msahl.deck.bodies import BODIES
 from msahl.deck.contacts import CONTACTS, read_contact
 from msahl.deck.couplings import read_coupling
+from msahl.deck.events import EVENTS, read_event, read_released
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joint_start import gives_starts
 from msahl.deck.joints import read_joint
@@ -52,6 +53,7 @@ from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES, Coupling
+from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import ConcentratedLoad, Load
 from msahl.model.shapes import Shape
@@ -92,6 +94,7 @@ TAGS = frozenset(
         *COORDINATES,
         *MOTIONS,
         *CONTACTS,
+        *EVENTS,
         *LOADS,
         *MARKERS,
         "group",
@@ -99,7 +102,10 @@ TAGS = frozenset(
 )
 """Tags of all records."""
 
-ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "contacts", "loads", "signals"))
+ONE_NAME = (
+    ("bodies", "markers", "groups"),
+    ("joints", "motions", "contacts", "events", "loads", "signals"),
+)
 """Groups whose records share one set of names. Columns of results are called NAME.VALUE, and values
 of bodies, markers and groups and those of other elements have different names."""
 
@@ -158,7 +164,8 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
-    context = Context(project=assembly.position == "project")
+    released = frozenset(map(text, root.iterfind("system/events/released")))
+    context = Context(project=assembly.position == "project", released=released)
     reader = Reader(unit_system, faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
@@ -174,6 +181,8 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     signals = _read_signals(root, reader)
     run = _simulation(root, reader)
     check_speeds(sound["motions"], motions, run, reader)
+    contacts = tuple(read_contact(e, reader) for e in sound["contacts"])
+    events = _read_events(sound["events"], root, reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
@@ -184,7 +193,9 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         unit_system=reader.unit_system,
         couplings=tuple(couplings),
         motions=tuple(motions),
-        contacts=tuple(read_contact(e, reader) for e in sound["contacts"]),
+        contacts=contacts,
+        events=events,
+        released=tuple(read_released(e, reader) for e in sound["events"] if e.tag == "released"),
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,
@@ -318,6 +329,14 @@ def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
     for name, message in circle_findings({signal.name: signal for signal in signals}):
         reader.faults.add(by_name[name], message)
     return tuple(signals)
+
+
+def _read_events(sound: list[Element], root: Element, reader: Reader) -> tuple[Event, ...]:
+    """Return the events, once all that they may name is known."""
+    for group in ("joints", "motions", "contacts"):
+        names = root.iterfind(f"system/{group}/*/name")
+        reader.context.switchable.update((text(name), None) for name in names)
+    return tuple(read_event(element, reader) for element in sound if element.tag == "event")
 
 
 def _read_stops(root: Element, reader: Reader) -> tuple[Stop, ...]:

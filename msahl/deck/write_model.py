@@ -26,6 +26,7 @@ from msahl.expressions.text import text_of
 from msahl.model import (
     Beam,
     BeamShape,
+    Event,
     Marker,
     Model,
     RigidBody,
@@ -63,7 +64,8 @@ def write_deck(model: Model, note: str = "") -> bytes:
     """
     root = etree.Element("data")
     child(root, "unitSystem", model.unit_system)
-    parameters = dict(pair for stop in model.stops for pair in _parameters(stop))
+    conditions: tuple[Stop | Event, ...] = (*model.stops, *model.events)
+    parameters = dict(pair for one in conditions for pair in _parameters(one))
     if parameters:
         holder = child(root, "parameters")
         for name, value in parameters.items():
@@ -92,6 +94,11 @@ def _write_system(system: Element, model: Model) -> None:
         group = child(system, tag)
         for record in records:
             WRITERS[type(record)](group, record, context)
+    events = child(system, "events")
+    for name in model.released:
+        child(events, "released", name)
+    for event in model.events:
+        _write_event(events, event)
     signals, markers, groups = (child(system, tag) for tag in ("signals", "markers", "groups"))
     for signal in model.signals:
         _write_signal(signals, signal)
@@ -107,6 +114,16 @@ def _write_system(system: Element, model: Model) -> None:
     for group in list(system):
         if not len(group):
             system.remove(group)
+
+
+def _write_event(group: Element, event: Event) -> None:
+    repeats = {"repeats": "true"} if event.repeats else {}
+    element = child(group, "event", name=event.name, when=event.condition, **repeats)
+    for tag, names in (("release", event.releases), ("engage", event.engages)):
+        for name in names:
+            child(element, tag, name)
+    if event.message:
+        child(element, "message", event.message)
 
 
 def _write_bodies(group: Element, model: Model) -> None:
@@ -239,7 +256,7 @@ def _write_sensor(group: Element, sensor: Sensor) -> None:
     child(element, "to", sensor.end)
 
 
-def _parameters(stop: Stop) -> Iterator[tuple[str, float]]:
+def _parameters(stop: Stop | Event) -> Iterator[tuple[str, float]]:
     """Yield the parameters that a condition names, whose values its expression has."""
     named = postorder(margin(parse(stop.condition)))
     for name, value in zip(named, postorder(stop.expression), strict=True):

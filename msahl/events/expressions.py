@@ -101,6 +101,11 @@ def known_to(signals: Signals | None, end: float, step: float) -> KnownTimes | N
     return known if known.time.size or known.switch.size else None
 
 
+def depends_on_reactions(signals: Signals) -> np.ndarray:
+    """Return whether each value on the tape depends on joints' reactions."""
+    return dependent(signals.tape, _inputs(signals)[2])
+
+
 def _inputs(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the inputs of the tape: time, those that change with the motion, and reactions."""
     number, kind = np.arange(signals.tape.inputs), signals.kind

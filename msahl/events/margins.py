@@ -7,6 +7,7 @@ An event is that a scalar y of the motion reaches a level:
     RATE         y is its rate                                              [m/s or rad/s]
     FORCE        y is a multiplier, by its place                                  [N or N m]
     FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
+    REACTING     y is an expression of joints' reactions at the same time, a place on the tape
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -16,12 +17,13 @@ counts in one ``direction`` (1: y rises, -1: y falls) or in both (0). What follo
     END     the run ends there
     SPLIT   the step ends there, and the next one begins: a law is not smooth there
     CONTACT likewise, and before the next one begins contacts open or close, stick or slide
-            (``contact``)
+            (``contact``), or an event of the deck releases and engages constraints (``switching``)
 
 A margin that is at a level, to within ``near`` times the size of its piece or level, is free to
 leave to either side: so a step can begin at an event. With ``near`` 0 it never is. The margin of a
 switch that is held has its range on the side where it is held. That of a contact has it where its
-``direction`` comes from, however near it is, and may be beyond by ``near``, which is round-off.
+``direction`` comes from, however near it is, and may be beyond by ``near``, which is round-off. So
+has that of the condition of an event, which waits for the condition to become true, or false again.
 
 What changes at times that are known before the motion is (``expressions.known_times``) has no
 margin: steps end there, and each switch holds its value between them.
@@ -39,6 +41,7 @@ from msahl.elements.constraints.equations import is_active
 from msahl.events.expressions import (
     NO_TIMES,
     all_laws,
+    depends_on_reactions,
     known_to,
     places_in_motion,
     with_fast_inputs,
@@ -49,8 +52,9 @@ from msahl.jit.kernel import apart, kernel
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
+from msahl.system.switches import FALLS, NEVER, Conditions
 
-EXPRESSION, COORDINATE, RATE, FORCE, FRICTION = range(5)
+EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION = range(6)
 END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
@@ -70,6 +74,17 @@ class Span(NamedTuple):
     end: float
     step: float = 0.0
     resolves_inputs: bool = False
+
+
+class Changing(NamedTuple):
+    """What changes constraints during a run."""
+
+    contacts: Contacts | None = None
+    conditions: Conditions | None = None  # of events of the deck
+
+
+UNCHANGING = Changing()
+"""Constraints are the same throughout a run."""
 
 
 class Margin(NamedTuple):
@@ -113,17 +128,24 @@ class Margins(NamedTuple):
 
 
 def build_margins(
-    system: System, order: int, span: Span, contacts: Contacts | None = None
+    system: System,
+    order: int,
+    span: Span,
+    contacts: Contacts | None = None,
+    conditions: Conditions | None = None,
 ) -> Margins | None:
     """Return the margins that the elements of a ``system`` have in steps of an ``order``; None if
     there is nothing to be examined.
 
     Steps of order 2 keep it where a force has a kink, and do not end there. Those of ``contacts``
-    are the last, and those which are open or closed now.
+    are the last, and those which are open or closed now; before them are those of the
+    ``conditions`` of events, for which ``await_conditions`` sets what they wait for.
     """
     signals = system.forces.signals
     found = [*_of_stops(system), *_of_expressions(system, jumps_only=order < ENDS_AT_KINKS)]
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
+    if conditions is not None:
+        found += _of_conditions(system, conditions)
     found += _of_contacts(system, contacts) if contacts is not None else ()
     known = known_to(signals, span.end, span.step)
     if span.resolves_inputs:
@@ -131,7 +153,7 @@ def build_margins(
     if not found and known is None:
         return None
     kinds, count = {margin.kind for margin in found}, 0
-    if system.scalar is not None and kinds - {EXPRESSION}:
+    if system.scalar is not None and kinds - {EXPRESSION, REACTING}:
         count = system.scalar.coordinates.kind.size
     columns: dict[str, Any] = {
         name: np.array([getattr(margin, name) for margin in found], dtype=type(default))
@@ -142,7 +164,7 @@ def build_margins(
         laws=all_laws(signals, system.laws),
         held=np.zeros(0) if signals is None else signals.tape.held,
         known=known or NO_TIMES,
-        has_expressions=EXPRESSION in kinds,
+        has_expressions=bool(kinds & {EXPRESSION, REACTING}),
         coordinate=np.zeros(count),
         rate=np.zeros(count),
     )
@@ -189,6 +211,15 @@ def _of_breakpoints(system: System) -> Iterator[Margin]:
         yield Margin(RATE, coordinate, SPLIT, level=width, near=NEAR)
 
 
+def _of_conditions(system: System, conditions: Conditions) -> Iterator[Margin]:
+    """Yield the margins of the conditions of events."""
+    signals = system.forces.signals
+    assert signals is not None
+    reacting = depends_on_reactions(signals)
+    for place in conditions.place.tolist():
+        yield Margin(REACTING if reacting[place] else EXPRESSION, place, CONTACT)
+
+
 def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
     """Yield the margins of contacts: gaps of open ones, forces of closed ones; then those of
     friction.
@@ -203,7 +234,8 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
             yield Margin(FORCE, place, CONTACT, direction=direction)
         else:
             gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
-            yield gap._replace(level=float(contacts.limit[k]), near=float(contacts.round_off[k]))
+            level = float(contacts.limit[k]) if contacts.acts[k] else direction * math.inf
+            yield gap._replace(level=level, near=float(contacts.round_off[k]))
     group = system.forces.sliding
     if group is None:
         return
@@ -212,6 +244,14 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
             yield Margin(FRICTION, k, CONTACT, direction=-1, near=float(group.still[k]))
         elif is_active(rows)[group.tangent[k]].any():
             yield Margin(FRICTION, k, CONTACT, direction=-1)
+
+
+def await_conditions(margins: Margins, first: int, conditions: Conditions) -> None:
+    """Let the margins from the number ``first`` on wait for what the ``conditions`` wait for."""
+    own = slice(first, first + conditions.place.size)
+    margins.direction[own] = np.where(conditions.awaits == FALLS, -1, 1)
+    margins.level[own] = np.where(conditions.awaits == NEVER, math.inf, 0.0)
+    margins.near[own] = conditions.near
 
 
 def laws_of_time(system: System) -> np.ndarray:

@@ -5,6 +5,7 @@ from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.contacts import ContactSide, DistanceLimit, JointLimit, PlaneContact
 from msahl.model.couplings import Coupling
+from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import (
     Actuator,
@@ -44,6 +45,7 @@ __all__ = [
     "ContactSide",
     "Coupling",
     "DistanceLimit",
+    "Event",
     "Ground",
     "Group",
     "Joint",

@@ -13,6 +13,7 @@ from msahl.model.beams import Beam
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.contacts import Contact, ContactSide, sides_of
 from msahl.model.couplings import Coupling
+from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import Actuator, ConcentratedLoad, Load
 from msahl.model.markers import Group, Marker, Sensor
@@ -45,6 +46,10 @@ class Model:
     couplings: tuple[Coupling, ...] = ()
     motions: tuple[JointMotion | PointMotion, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    events: tuple[Event, ...] = ()
+    released: tuple[
+        str, ...
+    ] = ()  # names of what events may engage, and which does not act at t = 0
     position: str = "check"  # or "project": correct the positions by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
     markers: tuple[Marker, ...] = ()
@@ -63,6 +68,12 @@ class Model:
     def contact_sides(self) -> tuple[ContactSide, ...]:
         """The sides of all contacts, in their order."""
         return tuple(side for contact in self.contacts for side in sides_of(contact))
+
+    @property
+    def switched(self) -> frozenset[str]:
+        """Names of the joints, couplings, motions and contacts that do not always act."""
+        named = (name for event in self.events for name in event.elements)
+        return frozenset((*self.released, *named))
 
     @property
     def constrained(

@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws
+from msahl.algebra.vector import copy
 from msahl.elements.constraints import coordinate_jacobians, coordinates
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
@@ -655,6 +656,22 @@ def set_expressions(
     """Evaluate all expressions at the prepared configuration."""
     set_prepared_inputs(group, start, scalar)
     results.evaluate(group, start.signals)
+
+
+@optional()
+def set_expressions_by(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    reaction: np.ndarray,
+    last: np.ndarray,
+) -> None:
+    """Evaluate all expressions at the prepared configuration with this ``reaction`` (j, 6) of the
+    joints, in place of the ``last`` one.
+    """
+    copy(reaction, start.signals.reaction)
+    set_expressions(group, start, scalar)
+    copy(last, start.signals.reaction)
 
 
 @optional(0.0)

@@ -26,6 +26,7 @@ from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
+from msahl.system.switches import build_released
 
 
 class History(NamedTuple):
@@ -46,7 +47,8 @@ class Rows(NamedTuple):
     rotational: np.ndarray  # (m, n) kinetic energy of rotation about G [J]
     potential: np.ndarray  # (m, n) -m g.x_G [J]
     elastic: np.ndarray  # (m,) energy of all springs and beams [J]
-    violation: np.ndarray  # (m, e, 2) size of the violation [m] and [rad]; nan where none
+    violation: np.ndarray  # (m, e, 2) size of the violation [m] and [rad]; nan where none, and of
+    # what events release or engage
     rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
     length: float  # longest arm or radius of gyration [m]
 
@@ -62,7 +64,7 @@ def observe(run: Run, visit: Callable[[slice, History], None]) -> Rows:
     that may be longer; each part begins with the last row of the part before, so that differences
     of rows can be taken within parts.
     """
-    model, system = run.model, build_system(run.model)
+    model, system = run.model, build_released(run.model)
     state = build_state(model, system)
     start = new_system_workspace(system, state)
     m, n = len(run.time), len(model.bodies)

@@ -46,7 +46,7 @@ class Run:
     errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
     others: dict[str, pd.DataFrame] = field(default_factory=dict)  # all other tables, by name
     drives: pd.DataFrame | None = None  # loads that produce a given motion
-    events: pd.DataFrame | None = None  # of contacts; None if the model has none
+    events: pd.DataFrame | None = None  # of contacts and events; None if the model has none
 
     @property
     def time(self) -> np.ndarray:
@@ -125,9 +125,9 @@ def _judged(folder: Path, info: dict[str, Any]) -> dict[str, Any]:
 
 
 def _events(folder: Path, model: Model) -> pd.DataFrame | None:
-    """The table of contact events; None if the model has no contacts."""
+    """The table of events; None if the model has neither contacts nor events."""
     path = find(folder, file_name(EVENTS))
-    if not model.contacts:
+    if not (model.contacts or model.events):
         return None
     if path is None:
         raise ResultError(f"{shown_path(folder / file_name(EVENTS))}: missing; {AGAIN}")

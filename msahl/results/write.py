@@ -133,7 +133,7 @@ class RunFolder:
             clear(folder)
             replace_file(folder / DECK, deck)
         columns, self.of_errors = tables_of_model(model), error_columns(model)
-        if model.contacts:
+        if model.contacts or model.events:
             columns[EVENTS] = EVENT_COLUMNS
         if ends is not None and file_name(ERROR) in ends:
             columns[ERROR] = self.of_errors

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 from msahl.model.settings import OFF
+from msahl.run.contacts import event_figures
 from msahl.run.contacts import figures as contact_figures
 from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides, speeds_that_jump
 from msahl.run.record import Record
@@ -45,6 +46,7 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
         report.warnings.append(angles_uncertain(rotation))
     report.error = setup.estimate.as_json() if setup.estimate else None
     report.contacts = contact_figures(setup.integrators)
+    report.events = event_figures(setup.integrators)
     if report.error and report.contacts:
         report.error["position"] += report.contacts["omittedHeight"]
     if report.error and setup.mesh:

@@ -1,18 +1,22 @@
-"""Contacts of a run, of all its subsystems: their events, and figures for the report."""
+"""Contacts and events of a run, of all its subsystems: what happened, and figures."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from msahl.run.subsystem import SubsystemIntegrator
+
+if TYPE_CHECKING:
+    from msahl.contact.modes import ContactModes
+    from msahl.switching.modes import Switching
 
 
 def rows_of_events(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
     """Return the rows (m, columns) of ``events.csv`` that are not published yet, in order of time:
     objects, as some columns are words.
     """
-    found = [event for one in integrators if one.modes for event in one.modes.events]
+    found = [event for source in _sources(integrators) for event in source.events]
     rows = np.empty((len(found), len(found[0]) if found else 0), dtype=object)
     for k, event in enumerate(sorted(found, key=lambda event: event.time)):
         rows[k] = event
@@ -21,9 +25,37 @@ def rows_of_events(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
 
 def forget_events(integrators: Sequence[SubsystemIntegrator]) -> None:
     """Let all events so far count as published."""
-    for integrator in integrators:
-        if integrator.modes:
-            integrator.modes.forget_events()
+    for source in _sources(integrators):
+        source.forget_events()
+
+
+def _sources(integrators: Sequence[SubsystemIntegrator]) -> "list[ContactModes | Switching]":
+    """Return all that has events."""
+    pairs = ((one.switching, one.modes) for one in integrators)
+    return [source for pair in pairs for source in pair if source is not None]
+
+
+def event_figures(integrators: Sequence[SubsystemIntegrator]) -> dict[str, Any] | None:
+    """Return what ``run.json`` says of the deck's events; None if there are none."""
+    found = [one.switching for one in integrators if one.switching]
+    if not found:
+        return None
+    states = [pair for switching in found for pair in switching.states()]
+    messages = [said for switching in found for said in switching.messages]
+    return {
+        "happened": {name: n for switching in found for name, n in switching.counts().items()},
+        "messages": sorted(messages, key=lambda said: float(said["time"])),
+        "energyLost": sum(switching.energy_lost() for switching in found),
+        "engaged": [name for name, acts in states if acts],
+        "released": [name for name, acts in states if not acts],
+    }
+
+
+def events_that_never_happened(integrators: Sequence[SubsystemIntegrator]) -> list[str]:
+    """Return a warning for each event of the deck that did not happen."""
+    found = [one.switching for one in integrators if one.switching]
+    counts = [(name, n) for switching in found for name, n in switching.counts().items()]
+    return [f"event '{name}' did not happen during the run" for name, n in counts if not n]
 
 
 def omitted_heights(

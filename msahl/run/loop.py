@@ -21,7 +21,12 @@ from msahl.records import record
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
-from msahl.run.contacts import forget_events, omitted_heights, rows_of_events
+from msahl.run.contacts import (
+    events_that_never_happened,
+    forget_events,
+    omitted_heights,
+    rows_of_events,
+)
 from msahl.run.error_estimate import NO_ERRORS
 from msahl.run.mesh_error import FinerMesh
 from msahl.run.messages import not_written, stop_not_found, stops_at_once
@@ -172,6 +177,8 @@ class TimeLoop:
         if self.setup.model.stops and self.report.status == COMPLETED and not self.stopping:
             words = words_of(self.setup.model)
             self.report.warnings.append(f"stop: '{words}' did not begin to hold during the run")
+        if self.report.status == COMPLETED:
+            self.report.warnings += events_that_never_happened(self.setup.integrators)
         conclude(self.setup, self.record, self.report)
         return self.report
 

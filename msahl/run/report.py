@@ -35,6 +35,7 @@ class Report:
     warnings: list[str] = field(default_factory=list)
     resumed: list[float] = field(default_factory=list)
     contacts: dict[str, Any] | None = None  # impacts, energy they took [J], which are closed
+    events: dict[str, Any] | None = None  # how often each happened, messages, what is engaged
     stop: dict[str, Any] | None = None  # time [s] and condition of a run that ended before t_final
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)

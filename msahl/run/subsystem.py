@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.elements.signals.group import begin_angles
-from msahl.events.margins import Span
+from msahl.events.margins import Changing, Span
 from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.lanes import LANES
@@ -45,6 +45,15 @@ from msahl.system.reductions import (
     symmetric_rows,
 )
 from msahl.system.state import build_state
+from msahl.system.switches import (
+    Switches,
+    conditions_of,
+    release,
+    switches_of,
+    with_all_engaged,
+    with_own_laws,
+    without,
+)
 from msahl.system.tree import Formulation, choose_formulation
 from msahl.system.unknowns import choose
 from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
@@ -52,6 +61,7 @@ from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
 if TYPE_CHECKING:
     from msahl.contact.modes import ContactModes
     from msahl.schemes.contact_steps import ContactSteps
+    from msahl.switching.modes import Switching
 
 
 class SubsystemIntegrator:
@@ -84,7 +94,7 @@ class SubsystemIntegrator:
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         self.storages = storages
-        system = build_system(model)
+        system, self.switches = _build(model)
         self.storage = self._take_storage(system, chunk, accelerations)
         system = self.storage.place("system", system)
         state = self.storage.place("state", build_state(model, system))
@@ -100,6 +110,7 @@ class SubsystemIntegrator:
         span = Span(simulation.t_final, step, self.resolves_inputs)
         self.formulation = self._choose_formulation(full)
         self.modes = _new_modes(model, self.workspace)
+        self.switching = _new_switching(model, self.workspace, self.switches, self.modes)
         self.stepper = _new_stepper(
             model,
             self.workspace,
@@ -107,12 +118,17 @@ class SubsystemIntegrator:
             (instantaneous, span),
             self.storage,
             self.formulation,
-            self.modes,
+            (self.modes, self.switching),
         )
+
+    @property
+    def _changes(self) -> bool:
+        """Whether constraints are not the same throughout a run."""
+        return bool(self.model.contacts or self.model.switched or self.model.events)
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
-        if self.storages is None or self.size >= LARGE or self.model.contacts:
+        if self.storages is None or self.size >= LARGE or self._changes:
             return Storage()
         simulation = self.model.simulation
         kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
@@ -137,7 +153,7 @@ class SubsystemIntegrator:
         if _prepare(system, state, work_arrays.start, work_arrays.call):
             at_rest = None  # that of other angles
         start = work_arrays.start
-        self.axis = None if full else plane_normal(system, start)
+        self.axis = None if full else plane_normal(with_all_engaged(system, self.switches), start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
@@ -145,7 +161,7 @@ class SubsystemIntegrator:
         # Contacts that stick may be redundant with each other, as the corners of a box are.
         shares = system.forces.sliding is not None and system.forces.sliding.row.size > 1
         if shares or (self.redundant and not is_regular(system, state, unknowns, at_rest)):
-            system = build_system(model, relaxed=True, places=Places(state.x, state.p))
+            system, self.switches = _build(model, True, Places(state.x, state.p))
             unknowns, at_rest, work_arrays = (
                 choose(system, free),
                 None,
@@ -154,7 +170,9 @@ class SubsystemIntegrator:
         solve_accelerations(system, state, unknowns, at_rest, work_arrays)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
-            system = drop_rows(system, symmetric_rows(system, start, self.axis))
+            symmetric = symmetric_rows(system, start, self.axis)
+            system = drop_rows(system, symmetric)
+            self.switches = without(self.switches, symmetric) if self.switches else None
             state = state._replace(angle=np.zeros(coordinate_count(system)))
         state = state._replace(held=forces.held_switches(system.forces))
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
@@ -229,7 +247,7 @@ class SubsystemIntegrator:
         seconds.
         """
         self.storage.step_time = step_time
-        if self.storages and self.size < LARGE and not self.model.contacts:
+        if self.storages and self.size < LARGE and not self._changes:
             self.storages.give_back(self.storage)
 
     def show_start(self) -> None:
@@ -255,6 +273,20 @@ class CompanionIntegrator(SubsystemIntegrator):
     resolves_inputs = True
 
 
+def _build(
+    model: Model, relaxed: bool = False, places: Places | None = None
+) -> tuple[System, Switches | None]:
+    """Return the system of a model at t = 0, and the elements that events release or engage."""
+    system = build_system(model, relaxed, places)
+    found = switches_of(model, system) if model.switched else None
+    if found is not None:
+        system = with_own_laws(system)
+        for k, name in enumerate(found.names):
+            if name in model.released:
+                release(system, found, k)
+    return system, found
+
+
 def _prepare(
     system: System, state: State, start: SystemWorkspace, call: Callable[..., Any]
 ) -> bool:
@@ -278,20 +310,21 @@ def _new_stepper(
     details: tuple[bool, Span],
     storage: Storage,
     formulation: Formulation,
-    modes: "ContactModes | None",
+    changing: "tuple[ContactModes | None, Switching | None]",
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
     instantaneous, span = details
+    modes, switching = changing
+    changes = modes is not None or switching is not None
+    given = Changing(modes.contacts if modes else None, switching.conditions if switching else None)
     if not settings.degree:
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
-            place = storage if modes is None else Storage()
-            return MidpointMethod(
-                own, instantaneous, span, place, modes.contacts if modes else None
-            )
+            place = Storage() if changes else storage
+            return MidpointMethod(own, instantaneous, span, place, given)
 
-        contacts = _new_contact_steps(modes, workspace, new_midpoint)
+        contacts = _new_contact_steps(changing, workspace, new_midpoint)
         return FixedStepper(
             contacts.method if contacts else new_midpoint(workspace), solver, contacts
         )
@@ -307,12 +340,10 @@ def _new_stepper(
     degree = settings.degree if tolerance is None else degrees[len(degrees) // 2]
 
     def new_collocation(own: Workspace) -> CollocationMethod:
-        if modes is None:
-            return CollocationMethod(own, settings.family, degree, *rest)
-        place = span, Storage(), None, modes.contacts
+        place = (span, Storage(), None, given) if changes else rest
         return CollocationMethod(own, settings.family, degree, *place)
 
-    contacts = _new_contact_steps(modes, workspace, new_collocation)
+    contacts = _new_contact_steps(changing, workspace, new_collocation)
     method = contacts.method if contacts else new_collocation(workspace)
     if tolerance is None:
         return FixedStepper(method, solver, contacts)
@@ -339,12 +370,30 @@ def _new_modes(model: Model, workspace: Workspace) -> "ContactModes | None":
     return modes
 
 
+def _new_switching(
+    model: Model, workspace: Workspace, switched: Switches | None, modes: "ContactModes | None"
+) -> "Switching | None":
+    """Return the events of a subsystem, whose conditions are those at t = 0; None without any."""
+    conditions = conditions_of(model)
+    if conditions is None:
+        return None
+    from msahl.switching.modes import Switching  # which few models need
+
+    system, state = workspace.system, workspace.state
+    switching = Switching(model, switched, conditions, modes, system, state, workspace.unknowns)
+    switching.begin()
+    evaluate.prepare(system, state, workspace.start)
+    return switching
+
+
 def _new_contact_steps(
-    modes: "ContactModes | None", workspace: Workspace, make: Callable[[Workspace], Any]
+    changing: "tuple[ContactModes | None, Switching | None]",
+    workspace: Workspace,
+    make: Callable[[Workspace], Any],
 ) -> "ContactSteps | None":
     """Return what changes the methods of steps; the code is only loaded where it is needed."""
-    if modes is None:
+    if changing == (None, None):
         return None
     from msahl.schemes.contact_steps import ContactSteps
 
-    return ContactSteps(modes, workspace, make)
+    return ContactSteps(*changing, workspace, make)

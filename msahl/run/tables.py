@@ -33,7 +33,7 @@ from msahl.system.names import (
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
 EVENTS = "events"
-"""Impacts of contacts, and when they open and close; its rows are no output times."""
+"""What happened to contacts, and by events of the deck; its rows are no output times."""
 ACCELERATIONS = "accelerations"
 RESULTANTS = "resultants"
 """Of beams at their Gauss points; other tables are made of it."""

@@ -1,11 +1,12 @@
-"""Steps of a subsystem with contacts: a ``StepMethod`` for each set of closed contacts.
+"""Steps of a subsystem with contacts or events of the deck: a ``StepMethod`` for each mode.
 
-All of them advance the same state; they differ in the unknowns, and so in factors and stages.
+A mode is a set of closed contacts and engaged elements. All methods advance the same state; they
+differ in the unknowns, and so in factors and stages.
 """
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,31 +16,44 @@ from msahl.linalg.elimination import new_factor
 from msahl.schemes.common.workspace import Workspace
 from msahl.system import evaluate
 
+if TYPE_CHECKING:
+    from msahl.switching.modes import Switching
+
 MOST_EVENTS = 20_000
 """Most events of contacts within one step: a series of rebounds with e = 0.999 has 15,000."""
 
 
 class ContactSteps:
-    """The methods by the ``modes``, each made by ``make`` from a ``workspace`` of its own."""
+    """The methods by the ``modes`` of contacts and by the ``switching`` of events, each made by
+    ``make`` from a ``workspace`` of its own.
+    """
 
     def __init__(
-        self, modes: ContactModes, workspace: Workspace, make: Callable[[Workspace], Any]
+        self,
+        modes: ContactModes | None,
+        switching: "Switching | None",
+        workspace: Workspace,
+        make: Callable[[Workspace], Any],
     ) -> None:
-        self.modes, self.make, self.workspace = modes, make, workspace
+        self.modes, self.switching = modes, switching
+        self.make, self.workspace = make, workspace
         self.methods: dict[bytes, Any] = {}
         self.most_events = MOST_EVENTS
         self.trouble = ""  # why contacts ended the steps
 
     @property
     def method(self) -> Any:
-        """The method for the contacts that are closed now."""
-        key = self.modes.key
+        """The method for the contacts that are closed and the elements that are engaged now."""
+        key = self.modes.key if self.modes else b""
+        key += self.switching.key if self.switching else b""
         if key not in self.methods:
             self.methods[key] = self.make(self._own_workspace())
         return self.methods[key]
 
     def _own_workspace(self) -> Workspace:
-        unknowns = self.modes.unknowns
+        found = self.modes or self.switching
+        assert found is not None
+        unknowns = found.unknowns
         return self.workspace._replace(
             unknowns=unknowns,
             factor=new_factor(unknowns.elimination),
@@ -47,28 +61,72 @@ class ContactSteps:
         )
 
     def change(self, method: Any, event: Event | None) -> Any:
-        """Let contacts open and close at an ``event`` at the end of steps by a ``method``; return
-        that of the steps to follow. Raises ``ContactsUnsolved``.
+        """Let contacts open and close, and events of the deck happen, at an ``event`` at the end of
+        steps by a ``method``; return that of the steps to follow. Raises ``ContactsUnsolved``.
         """
-        contact = None if event is None else method.detection.contact_of(event)
-        if event is not None and contact is None:
-            return method
-        self.modes.resolve(contact)
+        contact = condition = None
+        if event is not None:
+            contact = method.detection.contact_of(event)
+            condition = method.detection.condition_of(event)
+            if contact is None and condition is None:
+                return method
+        if condition is None:
+            method = self._resolve(method, contact)
+            condition = self._next_condition(method)
+        elif self.switching:
+            size = method.detection.condition_size(condition)
+            self.switching.note_size(condition, size)
+        while condition is not None and self.switching:
+            switches = self.switching.reach(condition)
+            method = self._resolve(method, None) if switches else self.enter(method)
+            condition = self._next_condition(method)
+        return method
+
+    def _resolve(self, method: Any, contact: int | None) -> Any:
+        if self.modes:
+            self.modes.resolve(contact)
         return self.enter(method)
 
+    def _next_condition(self, method: Any) -> int | None:
+        """Return the event of the deck whose condition has changed with the velocities, or None."""
+        if self.switching is None:
+            return None
+        due = self.switching.next_due(method.detection.condition_values())
+        method.detection.set_conditions()
+        return due
+
     def enter(self, method: Any) -> Any:
-        """Return the method for the closed contacts, which goes on where a ``method`` stood."""
+        """Return the method for what is closed and engaged, which goes on where a ``method``
+        stood.
+        """
         new = self.method
         if new is not method:
             new.begin_again(method)
-            new.detection.follow(method.detection)
+        new.detection.follow(method.detection)
         workspace = self.workspace
         evaluate.prepare(workspace.system, workspace.state, workspace.start)
         new.reset_prediction()
         return new
 
+    @property
+    def counters(self) -> dict[str, Any]:
+        """As ``Stepper.counters``."""
+        return {
+            "contacts": self.modes.counters if self.modes else {},
+            "switching": self.switching.counters if self.switching else {},
+        }
+
+    def restore(self, counters: dict[str, Any]) -> None:
+        """As ``Stepper.restore``."""
+        if self.switching:
+            self.switching.restore(counters["switching"])
+        if self.modes:
+            self.modes.restore(counters["contacts"])
+
     def time_left(self) -> float:
         """Time [s] to shortly after the next rebound that is expected, infinite without one."""
+        if self.modes is None:
+            return math.inf
         left = self.modes.next_touch - float(self.workspace.state.time[0])
         return left if left > 0.0 else math.inf
 
@@ -76,8 +134,8 @@ class ContactSteps:
         """Note why the steps end: an ``error``, or too many events."""
         t = float(self.workspace.state.time[0])
         self.trouble = (
-            f"more than {MOST_EVENTS} contact events in one step before t = {t:.9g} s; give the "
-            "contacts a smaller restitution, or reduce --dt"
+            f"more than {MOST_EVENTS} events in one step before t = {t:.9g} s; give contacts a "
+            "smaller restitution, let events of the deck happen once, or reduce --dt"
             if error is None
             else str(error)
         )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import CONTACT, END, Margins
+from msahl.events.margins import END, FORCE, FRICTION, REACTING, Margins, await_conditions
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
@@ -29,6 +29,7 @@ from msahl.schemes.step_events import (
     new_detector,
 )
 from msahl.system.contacts import Contacts
+from msahl.system.switches import Conditions
 
 SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
@@ -64,12 +65,13 @@ class Detection:
         instant: Instant | None,
         storage: Storage,
         contacts: Contacts | None = None,
+        conditions: Conditions | None = None,
     ) -> None:
-        self.workspace, self.storage = workspace, storage
-        of_contacts = found.action == CONTACT
-        self.contacts = int(of_contacts.sum())
+        self.workspace, self.storage, self.conditions = workspace, storage, conditions
         self.gaps = 0 if contacts is None else contacts.row.size
-        pressing = new_instant(workspace.system, workspace.unknowns) if self.contacts else None
+        self.contacts = self.gaps + int((found.kind == FRICTION).sum())
+        reacts = bool(np.isin(found.kind, (FORCE, REACTING)).any()) or self.contacts
+        pressing = new_instant(workspace.system, workspace.unknowns) if reacts else None
         fresh = new_detector(found, workspace.state, output, instant, pressing)
         self.detector: Detector = storage.place(("events", id(output)), fresh)
         self.splits = self.detector.divides or bool(found.known.time.size)
@@ -161,6 +163,12 @@ class Detection:
         """Let events after ``time`` [s] end the run, and know nothing of the steps before."""
         self.detector.figures[ARMED], self.detector.figures[KNOWN] = time, np.nan
         self.detector.event[0] = -1
+        self.set_conditions()
+
+    def set_conditions(self) -> None:
+        """Look for what the conditions of events wait for now."""
+        if self.conditions is not None:
+            await_conditions(self.detector.margins, self._first_condition, self.conditions)
 
     @property
     def _first_contact(self) -> int:
@@ -176,9 +184,35 @@ class Detection:
             return k if k >= 0 else None
         return self.gaps + int(self.detector.margins.item[event.margin])
 
+    @property
+    def _first_condition(self) -> int:
+        """The first margin of a condition of the deck's events, before those of contacts."""
+        count = 0 if self.conditions is None else self.conditions.place.size
+        return self._first_contact - count
+
+    def condition_of(self, event: Event) -> int | None:
+        """Return the number of the condition that becomes true or false at an ``event``, None if it
+        is of another kind.
+        """
+        return event.margin - self._first_condition if self.is_condition(event.margin) else None
+
+    def is_condition(self, margin: int) -> bool:
+        """Whether a ``margin`` is that of a condition of the deck's events."""
+        return self._first_condition <= margin < self._first_contact
+
+    def condition_values(self) -> np.ndarray:
+        """(e,) margins of the conditions of events in the present state."""
+        self._call(step_events.set_margins, self.detector, self.workspace, self.detector.probe)
+        return self.detector.probe[self._first_condition : self._first_contact].copy()
+
+    def condition_size(self, k: int) -> float:
+        """Return the largest margin of condition ``k`` in the step that was examined last."""
+        return float(np.abs(self.detector.value[:, self._first_condition + k]).max())
+
     def follow(self, other: "Detection") -> None:
         """Take over the switches from ``other``, which had the contacts of another mode."""
         size = self._first_contact
+        self.set_conditions()
         for name in KEPT[:-1]:
             getattr(self.detector, name)[:size] = getattr(other.detector, name)[:size]
         self.detector.slides[:] = other.detector.slides
@@ -207,8 +241,9 @@ class Detection:
         ends_run = bool(self.detector.margins.action[k] == END)
         guess, after, level, rate = (float(figures[i]) for i in (GUESS, AFTER, LEVEL, RATE))
         begin, end = self.detector.output.begin.time[0], self.detector.output.end.time[0]
-        # A contact whose gap is closed where the step begins is found at the first place looked at.
-        soonest = BEGINNING * SOON * (end - begin) if k >= self._first_contact else 0.0
+        # A contact whose gap is closed where the step begins is found at the first place looked at;
+        # so is the condition of an event.
+        soonest = BEGINNING * SOON * (end - begin) if k >= self._first_condition else 0.0
         at_start = bool(guess <= begin + soonest)
         return Event(k, ends_run, guess, after, level, rate, at_start)
 

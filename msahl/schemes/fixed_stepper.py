@@ -162,7 +162,7 @@ class FixedStepper:
     def counters(self) -> dict[str, Any]:
         """See ``Stepper``."""
         events = self.method.detection.counters if self.method.detection else {}
-        contacts = self.contacts.modes.counters if self.contacts else {}
+        contacts = self.contacts.counters if self.contacts else {}
         own = {"may_compile": self.may_compile, "events": events, "contacts": contacts}
         return {**own, **self.method.counters}
 
@@ -170,7 +170,7 @@ class FixedStepper:
         """See ``Stepper``."""
         self.may_compile = counters["may_compile"]
         if self.contacts:
-            self.contacts.modes.restore(counters["contacts"])
+            self.contacts.restore(counters["contacts"])
             self.method = self.contacts.method
         self.method.restore(counters)
         if self.method.detection:
@@ -261,7 +261,7 @@ class FixedStepper:
         failure, or if an event ends the run within the step, the state is as before.
         """
         before, ends, events = self._saved(), [0.0], 0
-        modes = self.contacts.modes.counters if self.contacts else {}
+        modes = self.contacts.counters if self.contacts else {}
         self.half_taken = False
         self.reset_prediction()
         while True:
@@ -316,7 +316,7 @@ class FixedStepper:
 
     def _restore_contacts(self, counters: dict[str, Any]) -> None:
         if self.contacts:
-            self.contacts.modes.restore(counters)
+            self.contacts.restore(counters)
             self.method = self.contacts.enter(self.method)
             self._prepare_detection()
 

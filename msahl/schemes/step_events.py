@@ -26,11 +26,11 @@ import numpy as np
 
 from msahl.algebra.vector import copy
 from msahl.events import margins
-from msahl.events.margins import END, FORCE, FRICTION, Margins
+from msahl.events.margins import END, FORCE, FRICTION, REACTING, Margins
 from msahl.expressions.tape import FREE
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.ports import sliding
+from msahl.ports import forces, sliding
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
 from msahl.schemes.common.accelerations import Instant, accelerate
@@ -84,7 +84,7 @@ class Detector(NamedTuple):
     begin: StepEnd  # of a pair of steps
     output: DenseOutput
     instant: Instant | None  # for the dense output of schemes of higher order
-    pressing: Instant | None  # for the forces of contacts; None: there are no contacts
+    pressing: Instant | None  # for forces of contacts and reactions; None: no margin needs them
 
 
 def new_detector(
@@ -171,29 +171,35 @@ def set_margins(detector: Detector, workspace: Workspace, value: np.ndarray) -> 
 def set_forces(
     pressing: Instant, margins: Margins, workspace: Workspace, value: np.ndarray
 ) -> None:
-    """Set the margins in ``value`` (m,) that are forces of closed contacts, by the accelerations of
-    the prepared state. What it holds of the last step stays.
+    """Set the margins in ``value`` (m,) that are forces of closed contacts or depend on reactions,
+    by the accelerations of the prepared state. What it holds of the last step stays.
     """
-    system, state, solved = workspace.system, workspace.state, False
+    system, state, start, solved = workspace.system, workspace.state, workspace.start, False
     first = first_multiplier(system.frames)
     for k in range(value.size):
-        if margins.kind[k] != FORCE and margins.kind[k] != FRICTION:
+        kind, item = margins.kind[k], margins.item[k]
+        if kind != FORCE and kind != REACTING and kind != FRICTION:
             continue
-        node, slot = margins.item[k] // 3, margins.item[k] % 3
         if not solved:
             copy(state.force, pressing.force)
             copy(state.reaction, pressing.reaction)
-            accelerate(system, state, workspace.start, pressing)
+            accelerate(system, state, start, pressing)
+            if margins.has_expressions:
+                given = system.forces.signals, start.forces, system.scalar
+                forces.set_expressions_by(*given, state.reaction, pressing.reaction)
             copy(pressing.force, state.force)
             copy(pressing.reaction, state.reaction)
             solved = True
-        if margins.kind[k] == FORCE:
-            value[k] = pressing.solution[first + node, slot] * system.unit[node, slot]
-        else:
+        if kind == REACTING:
+            value[k] = forces.expression_at(system.forces.signals, start.forces, item)
+        elif kind == FRICTION:
             value[k] = sliding.margin(
-                *(system.forces.sliding, system.scalar, margins.item[k], margins.rate),
+                *(system.forces.sliding, system.scalar, item, margins.rate),
                 *(pressing.solution[first:], system.unit),
             )
+        else:
+            node, slot = item // 3, item % 3
+            value[k] = pressing.solution[first + node, slot] * system.unit[node, slot]
 
 
 @kernel

@@ -110,7 +110,7 @@ def study(
     at the time ``until`` of ``working_clock`` (default: the plan's budget from now).
 
     Raises ``ResultError`` if there is no reference, ``StartError`` if there are no consistent
-    initial conditions, or if the model has contacts.
+    initial conditions, or if the model has contacts or events.
     """
     require_no_contacts(plan.model)
     until = working_clock() + plan.budget if until is None else until

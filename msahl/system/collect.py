@@ -58,6 +58,9 @@ from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
+IDLE = Law("constant", (0.0,))
+"""Law of time of prescribed motions that are released; the last law of a system with events."""
+
 
 class Pair(NamedTuple):
     """Two frames, and on each a point [m] from its origin, its own axes."""
@@ -180,6 +183,19 @@ def collect(model: Model) -> Elements:
     return _Collector(model).elements
 
 
+def equations_of(joint: Joint, switched: bool) -> list[Coincide | Equation]:
+    """Return the equations of a joint. One that is ``switched`` by events has scalar equations
+    alone, whose coefficients can be zero: points that coincide are at zero distance along three
+    axes of the parent.
+    """
+    equations = KINDS[joint.kind].equations(joint)
+    if not switched:
+        return equations
+    together = [in_plane(axis) for axis in IDENTITY]
+    split = (together if isinstance(one, Coincide) else [one] for one in equations)
+    return [equation for each in split for equation in each]
+
+
 class _Collector:
     """Goes through a model once."""
 
@@ -193,6 +209,7 @@ class _Collector:
         self.joints = {joint.name: joint for joint in model.joints}
         self.number = {joint.name: i for i, joint in enumerate(model.joints)}
         self.shared: dict[tuple[str, str], int] = {}
+        self.switched = model.switched
         for element, joint in enumerate(model.joints):
             self._joint(element, joint)
         for element, coupling in enumerate(model.couplings, start=len(model.joints)):
@@ -205,7 +222,7 @@ class _Collector:
             self._contact(first + i, column + i, side)
         # Springs in the compliance form are numbered behind the elements of beams.
         sides = len(model.contact_sides)
-        self.unknown = self._beams(first + sides, column + sides)
+        self.unknown = self._beams(first + sides, column + sides + len(model.events))
         for column, load in enumerate(model.loads):
             self._load(column, load)
         order = [*COORDINATE_LAWS]
@@ -218,6 +235,8 @@ class _Collector:
                 into.append(ConcentratedEntry(load, law, column))
             if isinstance(load, ConcentratedLoad | PointLoad):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
+        if self.switched:
+            self.elements.add_law(IDLE)
         known = len(self.elements.coordinates)
         collector = SignalCollector(model, self._joint_coordinate, self._marker_distance, known)
         self.elements.signals = collector.entries()
@@ -249,7 +268,7 @@ class _Collector:
 
     def _joint(self, element: int, joint: Joint) -> None:
         pair, into = self._pair(joint), self.elements
-        for equation in KINDS[joint.kind].equations(joint):
+        for equation in equations_of(joint, joint.name in self.switched):
             if isinstance(equation, Coincide):
                 into.points.append((element, pair))
                 continue

@@ -32,6 +32,7 @@ class Contacts(NamedTuple):
     column: np.ndarray  # (c,) of the table of work
     friction: np.ndarray  # (c,) coefficient while it slides
     sliding: np.ndarray  # (c,) its number among the contacts with friction; -1 without
+    acts: np.ndarray  # (c,) whether it can close: events may release it; changes during a run
 
 
 def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
@@ -55,6 +56,7 @@ def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
         column=column,
         friction=np.array([friction_of(side.contact)[0] for side in sides]),
         sliding=number,
+        acts=np.array([side.contact.name not in model.released for side in sides]),
     )
 
 

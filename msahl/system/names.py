@@ -115,10 +115,10 @@ def beam_columns(model: Model) -> list[str]:
 
 
 def workers(model: Model) -> tuple[str, ...]:
-    """Names of all whose work is counted: loads, motions, contacts, damped beams, a scheme that
-    decays."""
+    """Names of all whose work is counted: loads, motions, contacts, events, damped beams, a scheme
+    that decays."""
     damped = filter(is_damped, model.beams)
-    elements = (*model.loads, *model.motions, *model.contact_sides, *damped)
+    elements = (*model.loads, *model.motions, *model.contact_sides, *model.events, *damped)
     names = tuple(element.name for element in elements)
     return (*names, WORKER) if resolve(model.simulation).dissipative else names
 

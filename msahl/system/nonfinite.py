@@ -65,7 +65,7 @@ def _parts(
         size = np.array([inertia, 1.0 / inertia, 0.0])
         numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
         yield f"body '{body.name}'", numbers
-    workers = (*model.loads, *model.motions, *model.contact_sides)
+    workers = (*model.loads, *model.motions, *model.contact_sides, *model.events)
     for column, numbers in forces.numbers_at_points(system.forces, start.forces, state.v):
         yield f"load '{workers[column].name}'", numbers
     if system.scalar is None:

@@ -17,7 +17,7 @@ from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.reactions import Reactions
 from msahl.elements.signals.coupling import coupling
 from msahl.elements.signals.group import Signals
-from msahl.expressions.tape import build_tape
+from msahl.expressions.tape import Tape, build_tape
 from msahl.formulations.absolute.frames import Frames
 from msahl.formulations.absolute.rigid_body import RigidBodies
 from msahl.laws.registry import POINT_LAWS, constants
@@ -33,6 +33,7 @@ from msahl.ports.point import PointForces
 from msahl.ports.sliding import Sliding
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
+from msahl.system.signal_inputs import SignalEntries
 from msahl.system.topology import Indices, Topology, all_products
 
 RELAXATION = 1e-9
@@ -273,14 +274,7 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
     entries = elements.signals
     if entries is None or topology.signals is None:
         return None
-    names = [entry.name for entry in entries.inputs] + [state.name for state in entries.states]
-    rates = [state.rate for state in entries.states]
-    results = [entry.expression for entry in entries.results]
-    tape, places = build_tape(
-        [*rates, *results, *entries.shown, *entries.stops], names, entries.named, entries.tables
-    )
-    ends = np.cumsum([len(rates), len(results), len(entries.shown)])
-    rate, result, shown, stop = np.split(places, ends)
+    tape, (rate, result, shown, stop, _) = tape_of(entries)
     axes = [marker.axes for marker in entries.markers]
     return Signals(
         **topology.signals,
@@ -295,6 +289,20 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
         stop=stop,
         coupling=coupling(tape, rate, result),
     )
+
+
+def tape_of(entries: SignalEntries) -> tuple[Tape, list[np.ndarray]]:
+    """Return the tape of all expressions, and the places on it of: rates of auxiliary states,
+    results, published values, margins of the conditions that end the run, those of events.
+    """
+    names = [entry.name for entry in entries.inputs] + [state.name for state in entries.states]
+    rates = [state.rate for state in entries.states]
+    results = [entry.expression for entry in entries.results]
+    trees = rates, results, entries.shown, entries.stops, entries.conditions
+    tape, places = build_tape(
+        [tree for each in trees for tree in each], names, entries.named, entries.tables
+    )
+    return tape, np.split(places, np.cumsum([len(each) for each in trees[:-1]]))
 
 
 def _quaternion(R: np.ndarray) -> np.ndarray:

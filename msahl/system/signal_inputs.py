@@ -49,6 +49,7 @@ class SignalEntries(NamedTuple):
     states: tuple[SignalState, ...]
     shown: tuple[Tree, ...]  # published values
     stops: tuple[Tree, ...]  # margins of the conditions that end the run
+    conditions: tuple[Tree, ...]  # likewise of those of events
     inputs: tuple[InputEntry, ...]
     counted: tuple[int, ...]  # coordinates whose angle begins with its own value, not with zero
     markers: tuple[Marker, ...]
@@ -85,7 +86,8 @@ class SignalCollector:
         loads: list[Actuator | ConcentratedLoad] = [*model.actuators, *model.controlled]
         laws = [law for load in loads if (law := load.expression) is not None]
         trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
-        others = [*laws, *(stop.expression for stop in model.stops)]
+        conditions = tuple(event.expression for event in model.events)
+        others = [*laws, *(stop.expression for stop in model.stops), *conditions]
         if not trees and not others:
             return None
         for name in reached([*trees.values(), *others], {}):
@@ -102,6 +104,7 @@ class SignalCollector:
             states=model.states,
             shown=(*published, *laws),
             stops=tuple(stop.expression for stop in model.stops),
+            conditions=conditions,
             inputs=tuple(entry for _, entry in self._inputs.values()),
             counted=tuple(self._counted),
             markers=tuple(self._markers[name] for name in self._used),

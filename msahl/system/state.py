@@ -81,16 +81,23 @@ def set_strains(system: System, state: State) -> None:
 
 
 def work_count(model: Model) -> int:
-    """Columns of work: one a load, a motion, a side of a contact and a damped beam, and a decaying
-    scheme's own.
+    """Columns of work: one a load, a motion, a side of a contact, an event and a damped beam, and a
+    decaying scheme's own.
     """
-    damped = sum(map(is_damped, model.beams)) + len(model.contact_sides)
-    return work_of_contacts(model) + damped + resolve(model.simulation).dissipative
+    damped = sum(map(is_damped, model.beams))
+    return (
+        work_of_events(model) + len(model.events) + damped + resolve(model.simulation).dissipative
+    )
 
 
 def work_of_contacts(model: Model) -> int:
     """Return the first column of the works of contacts."""
     return len(model.loads) + len(model.motions)
+
+
+def work_of_events(model: Model) -> int:
+    """Return the first column of the works of events."""
+    return work_of_contacts(model) + len(model.contact_sides)
 
 
 @kernel

@@ -12,10 +12,13 @@ from functools import cache
 from typing import Any, cast
 
 from msahl.expressions.syntax import Lookup, Name, Tree, postorder
-from msahl.model import Beam, Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
+from msahl.model import Beam, Event, Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
 from msahl.model.signals import element_and_value
 
-KINDS = ("joints", "couplings", "motions", "contacts", "loads", "signals", "stops", "beams")
+KINDS = (
+    *("joints", "couplings", "motions", "contacts", "events"),
+    *("loads", "signals", "stops", "beams"),
+)
 """What may couple bodies, as a model holds it."""
 
 
@@ -67,12 +70,19 @@ class _Owners:
 
     def __init__(self, model: Model) -> None:
         self._joints = {joint.name: joint for joint in model.joints}
+        self._switched = {
+            element.name: element
+            for element in (*model.joints, *model.couplings, *model.motions, *model.contacts)
+        }
         self._bodies = {marker.name: marker.body for marker in model.markers}
         self._signals = {signal.name for signal in model.signals}
 
     def touched(self, element: Any) -> list[Hashable]:
         """Names of the bodies and grounds, and of the signals, that an element couples."""
         names: set[Hashable] = set(_touched(element, self._joints))
+        if isinstance(element, Event):
+            for name in element.elements:
+                names |= _touched(self._switched[name], self._joints)
         if isinstance(element, Beam):
             names |= set(element.nodes)
         if isinstance(element, MarkerActuator):

@@ -132,6 +132,7 @@ def _excluded(model: Model, system: System) -> str:
     reasons = (
         (bool(unknown), f"{', '.join(unknown)} have no joint coordinates"),
         (bool(model.contacts), "contacts open and close, which joint coordinates do not follow"),
+        (bool(model.events or model.switched), "events release or engage its constraints"),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),

@@ -9,10 +9,13 @@ import numpy as np
 from msahl.elements.beams import instant
 from msahl.elements.constraints import coordinates
 from msahl.formulations.absolute.frames import moving_count
-from msahl.jit.by_size import by_size
+from msahl.jit.by_size import LARGE, by_size, compiled_once
 from msahl.jit.storage import Storage
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+
+PLAIN_CALLS = 2000
+"""Calls of kernels that stay plain Python: those of a hundred events."""
 
 
 class WorkArrays(NamedTuple):
@@ -21,6 +24,29 @@ class WorkArrays(NamedTuple):
     start: SystemWorkspace  # of the state, and of the state at rest
     rest: State  # the state with velocities that are zero
     call: Callable[..., Any]  # calls a kernel with its arguments
+
+
+class PlainFirst:
+    """Calls kernels as plain Python at first, as it takes longer to load their code, unless the
+    ``system`` is large. Both give the same digits.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.size, self.calls = moving_count(system.frames), 0
+
+    def __call__(self, kernel: Callable[..., Any], *given: Any) -> Any:
+        """Return what the ``kernel`` returns of what is ``given``."""
+        self.calls += 1
+        fast = self.size >= LARGE or self.calls > PLAIN_CALLS
+        return (compiled_once(kernel) if fast else kernel)(*given)
+
+
+def energy(system: System, state: State, work_arrays: WorkArrays) -> float:
+    """Return the kinetic and potential energy of a ``state`` [J]."""
+    violations = np.zeros((2, *state.violation.shape))
+    work_arrays.call(evaluate.prepare, system, state, work_arrays.start)
+    observed = work_arrays.call(evaluate.observe, system, state, work_arrays.start, *violations)
+    return float(observed[0] + observed[1])
 
 
 def new_work_arrays(system: System, state: State, storage: Storage | None = None) -> WorkArrays:

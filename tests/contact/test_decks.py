@@ -139,7 +139,7 @@ def test_a_run_leaves_its_events(tmp_path):
     done = CliRunner().invoke(main, ["run", str(DECKS / "bouncing_ball.xml"), "-o", str(folder)])
     assert done.exit_code == 0, done.output
     rows = [*csv.reader((folder / "events.csv").read_text().splitlines())]
-    assert rows[0][:3] == ["time", "kind", "contact"]
+    assert rows[0][:3] == ["time", "kind", "element"]
     assert rows[1][1:3] == ["impact", "Floor"]
     info = json.loads((folder / "run.json").read_text())
     assert info["contacts"]["impacts"] == sum(row[1] == "impact" for row in rows)

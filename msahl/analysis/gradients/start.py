@@ -67,10 +67,10 @@ class DifferentiatedIntegrator(SubsystemIntegrator):
 
 def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0, as a run has them, each with its first row. Raises
-    ``NotDifferentiable`` for a model with contacts.
+    ``NotDifferentiable`` for a model with contacts or events.
     """
-    if model.contacts:
-        raise NotDifferentiable(without_contacts(model))
+    if reason := without_contacts(model):
+        raise NotDifferentiable(reason)
     settings = shape.settings
     together = shape.full or settings.adaptive
     parts: list[SubsystemIntegrator] = [

@@ -62,7 +62,7 @@ def at_start(model: Model) -> Point:
 
 def placed(model: Model) -> Point:
     """Return the model where the deck places it, with the deck's velocities; accelerations and
-    multipliers are zero. Raises ``StartError`` for a model with contacts.
+    multipliers are zero. Raises ``StartError`` for a model with contacts or events.
     """
     require_no_contacts(model)
     system = build_system(model)

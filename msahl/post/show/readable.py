@@ -38,6 +38,8 @@ def drawable(model: Model) -> Model:
         shapes=tuple(s for s in known(model.shapes) if not any(shape_findings(s))),
         signals=(),
         stops=(),
+        events=(),
+        released=(),
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from msahl.contact.modes import ContactsUnsolved
-from msahl.events.margins import Span, build_margins
+from msahl.events.margins import UNCHANGING, Changing, Span, build_margins
 from msahl.events.search import Event
 from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call, compiled
@@ -29,7 +29,6 @@ from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
-from msahl.system.contacts import Contacts
 from msahl.system.cut import Cut
 
 _take_steps = compiled(newton.take_steps)
@@ -65,11 +64,11 @@ class CollocationMethod:
         span: Span,
         storage: Storage | None = None,
         tree: tuple[Tree, Cut | None] | None = None,
-        contacts: Contacts | None = None,
+        changing: Changing = UNCHANGING,
     ) -> None:
         self.workspace, self.scheme, self.span, self.tree = workspace, scheme, span, tree
         self.storage = Storage() if storage is None else storage
-        self.contacts = contacts
+        self.changing = changing
         self.fresh: dict[int, list[np.ndarray]] = {}  # memory of each degree as it was at first
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.detections: dict[int, Detection | None] = {}
@@ -133,7 +132,7 @@ class CollocationMethod:
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
             self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
         self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
-        if self.contacts is not None and degree not in self.fresh:
+        if any(self.changing) and degree not in self.fresh:
             kept = doubles_in(self.subsystem.stages)
             self.fresh[degree] = [array.copy() for array in kept]
         newton.reset_prediction(self.subsystem)
@@ -173,11 +172,11 @@ class CollocationMethod:
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
         order = COLLOCATION[self.scheme].order(degree)
-        margins = build_margins(self.workspace.system, order, self.span, self.contacts)
+        margins = build_margins(self.workspace.system, order, self.span, *self.changing)
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
-        return Detection(margins, self.workspace, output, instant, self.storage, self.contacts)
+        return Detection(margins, self.workspace, output, instant, self.storage, *self.changing)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
@@ -281,13 +280,13 @@ class AdaptiveStepper:
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
             "events": self.method.detection.counters if self.method.detection else {},
-            "contacts": self.contacts.modes.counters if self.contacts else {},
+            "contacts": self.contacts.counters if self.contacts else {},
         }
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
         if self.contacts:
-            self.contacts.modes.restore(counters["contacts"])
+            self.contacts.restore(counters["contacts"])
             self.method = self.contacts.method
         self.method.restore(counters)
         self.chosen = counters["chosen"]
@@ -363,9 +362,9 @@ class AdaptiveStepper:
                 return done, None
             try:
                 self.method = self.contacts.change(self.method, seen)
-            except ContactsUnsolved as error:
+            except ContactsUnsolved as error:  # again, and without steps, when it is called next
                 self.contacts.fail(error)
-                return 0, None
+                return done, None
             t = float(self.workspace.state.time[0])
             self.control.figures[step_control.STOP] = t + self.contacts.time_left()
             assert self.method.detection

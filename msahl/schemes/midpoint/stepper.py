@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.events.margins import Span, build_margins
+from msahl.events.margins import UNCHANGING, Changing, Span, build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.schemes.common import accelerations, workspace
@@ -15,7 +15,6 @@ from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.system.contacts import Contacts
 
 if TYPE_CHECKING:
     from msahl.schemes.detection import Detection
@@ -44,14 +43,14 @@ class MidpointMethod:
         instantaneous: bool,
         span: Span,
         storage: Storage,
-        contacts: Contacts | None = None,
+        changing: Changing = UNCHANGING,
     ) -> None:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
-        self.detection = _new_detection(workspace, span, storage, contacts)
+        self.detection = _new_detection(workspace, span, storage, changing)
 
     def set_forms(self, forms: np.ndarray) -> None:
         """See ``StepMethod``; there is one form."""
@@ -150,17 +149,17 @@ class MidpointMethod:
 
 
 def _new_detection(
-    workspace: Workspace, span: Span, storage: Storage, contacts: Contacts | None
+    workspace: Workspace, span: Span, storage: Storage, changing: Changing
 ) -> "Detection | None":
     """What detects events, if there can be any. The code is only loaded where it is needed."""
-    margins = build_margins(workspace.system, 2, span, contacts)
+    margins = build_margins(workspace.system, 2, span, *changing)
     if margins is None:
         return None
     from msahl.schemes.collocation.dense_output import new_dense_output
     from msahl.schemes.detection import Detection
 
     output = storage.place("dense output", new_dense_output(workspace, order=2, decays=False))
-    return Detection(margins, workspace, output, None, storage, contacts)
+    return Detection(margins, workspace, output, None, storage, *changing)
 
 
 @cache
