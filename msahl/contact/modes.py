@@ -264,6 +264,8 @@ class ContactModes:
 
     def _resolve(self, which: np.ndarray, was: np.ndarray, cause: _Cause) -> None:
         stuck = sticking(self.system)
+        if cause.slips >= 0:  # forces of steps are means, or those of their start
+            solve_accelerations(self.system, self.state, self.unknowns, None, self.work_arrays)
         self._remove_violation(int(which[0]), self._ended(which, cause))
         response = of_contacts.respond(
             self.system, self.contacts, which, self.state, self.without, self.work_arrays

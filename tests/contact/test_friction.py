@@ -188,6 +188,31 @@ def test_static_friction_holds_longer():
     assert sink.table("states")[-1, 7] == pytest.approx(v, abs=1e-9)
 
 
+@pytest.mark.parametrize("scheme", ["preserving", "gauss3"])
+def test_block_slips_to_the_other_side_when_its_load_is_reversed(scheme):
+    """It sticks between; the force at which it slips is that of the instant."""
+    push = ConcentratedLoad(
+        "Push",
+        "Block",
+        ZERO,
+        (6.0, 0.0, 0.0),
+        GROUND.name,
+        ZERO,
+        GROUND.name,
+        law=Law("sine", (1.0, 7.0, 0.0, 0.0)),
+    )
+    model = oscillator(0.0, (push,), mu=0.4, static_friction=0.55)
+    _, sink, events = run_events(model, scheme, 0.005, 1.0)
+    assert kinds(events) == ["slides", "sticks", "slides", "sticks"]
+    allowed = 1e-9 if scheme == "gauss3" else 1e-4  # their errors at this step
+    first, _, again, _ = (event[0] for event in events if event[0] > 0.0)
+    assert first == pytest.approx(np.arcsin(0.55 * 9.81 / 6.0) / 7.0, abs=allowed)
+    assert again - first == pytest.approx(np.pi / 7.0, abs=allowed)
+    states = sink.table("states")
+    assert states[:, 1].max() > 0.01
+    assert states[-1, 1] == pytest.approx(0.0, abs=allowed)
+
+
 @pytest.mark.parametrize(
     ("scheme", "dt", "allowed"), [("gauss3", 0.02, 1e-8), ("gauss3", 0.01, 1e-10)]
 )

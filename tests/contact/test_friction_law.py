@@ -7,7 +7,7 @@ from msahl.contact.friction import Cones, Jammed, solve
 from msahl.contact.impact import SeveralAtOnce, impulses
 
 MECHANISMS = 300
-"""Random mechanisms; 10,000 of the same kind have been tried."""
+"""Random mechanisms that are tried."""
 
 
 def cones(count, mu):
