@@ -18,6 +18,7 @@ from msahl.model.contacts import (
     JointLimit,
     PlaneContact,
     SphereContact,
+    friction_of,
     sides_of,
 )
 
@@ -41,6 +42,7 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         yield from negative("radius", contact.radius)
         if abs(math.hypot(*contact.normal) - 1.0) > PARALLEL:
             yield Finding("normal", "it is no unit vector; divide it by its length")
+        yield from _friction_findings(contact, context)
     elif isinstance(contact, SphereContact):
         yield from _radius_findings(contact)
     else:
@@ -83,6 +85,24 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
         message = f"with a damping by which the restitution is {e:g} at one speed of impact, it is "
         message += "another at others; add <impactSpeed>, the speed at which it is that"
         yield Finding("restitution", message)
+
+
+def _friction_findings(contact: PlaneContact, context: Context) -> Iterator[Finding]:
+    yield from negative("friction", contact.friction)
+    friction, grip = friction_of(contact)
+    if grip < friction:
+        message = f"it is {grip:g}, and friction {friction:g}; it must not be less than friction"
+        yield Finding("staticFriction", message)
+    if grip > 0.0 and contact.compliance is not None:
+        message = "compliant contacts have no friction; delete <friction>, or <stiffness>"
+        yield Finding("friction", message)
+    moves = contact.parent in context.axes and contact.parent not in context.grounds
+    if grip > 0.0 and contact.radius > 0.0 and moves:
+        message = (
+            f"a sphere has friction on a plane of a ground only, and '{contact.parent}' is a body; "
+            "give a point (no radius), or the plane to a ground"
+        )
+        yield Finding("friction", message)
 
 
 def _range_findings(contact: JointLimit | DistanceLimit) -> Iterator[Finding]:

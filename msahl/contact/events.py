@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-IMPACT, CLOSES, OPENS = "impact", "closes", "opens"
+IMPACT, CLOSES, OPENS, STICKS, SLIDES = "impact", "closes", "opens", "sticks", "slides"
 RELEASES, ENGAGES, HAPPENS = "releases", "engages", "happens"
 
 
@@ -13,13 +13,17 @@ class ContactEvent(NamedTuple):
     """
 
     time: float  # [s]
-    kind: str  # "impact", "closes" (the gap stays zero from then on) or "opens"; of events of the
-    # deck "releases", "engages", or "happens" where these do not name an element
+    kind: str  # "impact", "closes" (the gap stays zero from then on), "opens", "sticks", "slides";
+    # of events of the deck "releases", "engages", or "happens" where these do not name an element
     element: str  # contact, joint, coupling or motion
     speed_before: float  # [m/s or rad/s]
     speed_after: float
     impulse: float  # [N s or N m s]
-    energy_lost: float  # [J]
+    energy_lost: float  # [J], that by friction included
+    slip_before: float  # [m/s]
+    slip_after: float
+    friction_impulse: float  # [N s]
+    lost_to_friction: float  # [J]
     remaining: float  # time that omitted rebounds, infinitely many, would take [s]
     event: str = ""  # event of the deck, and its message
     message: str = ""
@@ -33,6 +37,10 @@ COLUMNS = [
     "gapSpeedAfter",
     "impulse",
     "energyLost",
+    "slipBefore",
+    "slipAfter",
+    "frictionImpulse",
+    "lostToFriction",
     "remainingTime",
     "event",
     "message",

@@ -1,4 +1,4 @@
-"""Impact laws of contacts without friction, one or several at once.
+"""Impact laws of contacts, one or several at once.
 
 With the rates v = dg/dt of the gaps and the impulses L of the contacts, W = G M^-1 G^T that of the
 complete mechanism, joints included:
@@ -7,28 +7,70 @@ complete mechanism, joints included:
     poisson     v_c = v- + W L_c >= 0,    L_c >= 0, complementary       (compression)
                 v+ = v_c + W L_e >= 0,    L_e >= e L_c, complementary   (expansion)
 
-The energy that an impact takes is -sum L (v+ + v-)/2, exactly.
+With friction the impulses of each phase are in Coulomb's cone by the slip at its end
+(``contact.friction``), and v, W and L have the slips behind the gaps.
+
+    stronge     of one contact, integrated in its normal impulse: while the slip s does not vanish,
+                ds/dL = (W_t n - mu W_t t s/|s|), then it sticks if mu allows, or slips on where it
+                is driven; the work of expansion is e^2 times that of compression
+
+The energy that an impact takes is -sum L (v+ + v-)/2, exactly; its sum over the phases is that of
+the impulse's mean.
 """
 
 import numpy as np
 
-from msahl.contact.complementarity import solve
-from msahl.model.contacts import NEWTON
+from msahl.contact import friction
+from msahl.contact.complementarity import NoSolution, solve
+from msahl.contact.friction import Cones
+from msahl.contact.stronge import impulse as of_one
+from msahl.model.contacts import NEWTON, STRONGE
 
 ROUND_OFF = 1e-13
 """Impulse, relative to the largest one of the same impact, that is none."""
 
 
-def impulses(law: str, W: np.ndarray, v: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Return the impulses (c,) of an impact at the rates ``v`` (c,) by the ``law``, with
-    coefficients ``e`` of restitution. Raises ``complementarity.NoSolution``.
+def impulses(
+    law: str, W: np.ndarray, v: np.ndarray, e: np.ndarray, cones: Cones | None = None
+) -> np.ndarray:
+    """Return the impulses (m,) of an impact at the rates ``v`` (m,) by the ``law``, with
+    coefficients ``e`` (k,) of restitution. ``cones`` are those of friction, None without. Raises
+    ``complementarity.NoSolution``.
     """
+    if cones is not None:
+        return _with_friction(law, W, v, e, cones)
+    if law == STRONGE and np.count_nonzero(v < 0.0) > 1 and (e > 0.0).any():
+        raise SeveralAtOnce
     if law == NEWTON:
         return _clean(solve(W, v + e * np.minimum(v, 0.0)))
     compression = solve(W, v)
     expansion = e * compression
     more = solve(W, v + W @ (compression + expansion))
     return _clean(compression + expansion + more)
+
+
+class SeveralAtOnce(NoSolution):
+    """Stronge's law is not defined for several contacts at once."""
+
+
+def _with_friction(
+    law: str, W: np.ndarray, v: np.ndarray, e: np.ndarray, cones: Cones
+) -> np.ndarray:
+    """Return what ``impulses`` does, with friction."""
+    n, right = cones.normal, v.copy()
+    if not (v[n] < 0.0).any():
+        return np.zeros(v.size)
+    if law == STRONGE:
+        (k,) = hit if (hit := np.flatnonzero(v[n] < 0.0)).size == 1 and n.size == 1 else (-1,)
+        if k < 0:
+            raise SeveralAtOnce
+        return of_one(W, v, float(e[k]), float(cones.friction[k]))
+    if law == NEWTON:
+        right[n] += e * np.minimum(v[n], 0.0)
+        return friction.solve(W, right, cones)
+    compression = friction.solve(W, v, cones)
+    again = cones._replace(least=e * compression[n])
+    return compression + friction.solve(W, v + W @ compression, again)
 
 
 def _clean(impulse: np.ndarray) -> np.ndarray:

@@ -1,5 +1,8 @@
 """How contacts answer to impulses: the matrix of the complete mechanism, seen from their gaps.
 
+With friction it is seen from their slips as well. Both are *directions* of a contact, m in all; the
+gaps are the first k of them.
+
     [ M  -G^T ] [ dv ]   [ n^T L ]          rates of gaps:  v+ = v- + W L,    W = n dv/dL
     [ G    0  ] [ mu ] = [   0   ]
 
@@ -22,7 +25,7 @@ from msahl.formulations.absolute.frames import (
 from msahl.start.velocities import solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
-from msahl.system.contacts import Contacts, set_closed
+from msahl.system.contacts import Contacts, set_closed, set_sticking
 from msahl.system.unknowns import Unknowns
 from msahl.system.work_arrays import WorkArrays, jacobian_at_rest
 
@@ -31,11 +34,21 @@ class Response(NamedTuple):
     """Answers of the contacts ``which`` (k,) in one configuration."""
 
     which: np.ndarray
-    motion: np.ndarray  # (k, nodes, 3) changes of the unknowns by a unit impulse along each gap
-    gradient: np.ndarray  # (k, nodes, 3) of the gaps by the unknowns
-    W: np.ndarray  # (k, k)
+    row: np.ndarray  # (m,) equation of each direction
+    sign: np.ndarray  # (m,)
+    tangent: np.ndarray  # (k, 2) directions of the slip of each contact, -1 without friction
+    column: np.ndarray  # (m,) of the table of work
+    motion: np.ndarray  # (m, nodes, 3) changes of the unknowns by a unit impulse
+    gradient: np.ndarray  # (m, nodes, 3) of gaps and slips by the unknowns
+    W: np.ndarray  # (m, m)
     values: np.ndarray  # block values of the matrix
-    scale: np.ndarray  # (k,) gap's rate over what its equation has
+    scale: np.ndarray  # (m,) rate over what its equation has
+
+    @property
+    def gaps(self) -> np.ndarray:
+        """(k, k) the part of W that is of the gaps."""
+        count = self.which.size
+        return self.W[:count, :count]
 
 
 def respond(
@@ -52,19 +65,41 @@ def respond(
     assert system.scalar is not None
     chosen = np.zeros(contacts.row.size, dtype=bool)
     chosen[which] = True
-    set_closed(system, contacts, chosen, np.zeros(chosen.size))
+    nothing = np.zeros(system.scalar.coordinates.kind.size)
+    set_closed(system, contacts, chosen, nothing)
+    row, sign, tangent, column = _directions(system, contacts, which)
+    if row.size > which.size:
+        group = system.forces.sliding
+        assert group is not None
+        set_sticking(system, np.isin(group.tangent[:, 0], row), nothing)
     values = jacobian_at_rest(system, state, work_arrays)
     rows, nodes = system.scalar.equations, node_count(system)
-    motion, gradient = np.zeros((2, which.size, nodes, 3))
-    scale = contacts.sign[which] / rows.scale[contacts.row[which]]
-    for k, r in enumerate(contacts.row[which]):
+    motion, gradient = np.zeros((2, row.size, nodes, 3))
+    scale = sign / rows.scale[row]
+    for k, r in enumerate(row):
         place, slot = rows.place[r]
         by_multiplier, by_unknown = _lines(system, values, int(place), int(slot))
-        load = -contacts.sign[which[k]] / system.unit[place, slot] * by_multiplier
+        load = -sign[k] / system.unit[place, slot] * by_multiplier
         motion[k] = solve_at_rest(system, state, load, unknowns, values)
         gradient[k] = scale[k] * by_unknown
     W = np.einsum("iab,jab->ij", gradient, motion)
-    return Response(which, motion, gradient, 0.5 * (W + W.T), values, scale)
+    parts = which, row, sign, tangent, column
+    return Response(*parts, motion, gradient, 0.5 * (W + W.T), values, scale)
+
+
+def _directions(
+    system: System, contacts: Contacts, which: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows, signs, tangents and columns of a ``Response``."""
+    row, sign, column = contacts.row[which], contacts.sign[which], contacts.column[which]
+    tangent, group = np.full((which.size, 2), -1), system.forces.sliding
+    rough = np.flatnonzero(contacts.sliding[which] >= 0)
+    if group is not None and rough.size:
+        tangent[rough] = which.size + np.arange(2 * rough.size).reshape(-1, 2)
+        row = np.concatenate([row, group.tangent[contacts.sliding[which[rough]]].reshape(-1)])
+        sign = np.concatenate([sign, np.ones(2 * rough.size)])
+        column = np.concatenate([column, np.repeat(column[rough], 2)])
+    return row, sign, tangent, column
 
 
 def _lines(
@@ -83,33 +118,33 @@ def _lines(
 def gaps(
     system: System, contacts: Contacts, state: State, work_arrays: WorkArrays
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return values of the contacts' coordinates, gaps and rates of the gaps (c,) in a state."""
+    """Return values (q,) of all coordinates, gaps (c,), and rates (q,) of the coordinates in a
+    state.
+    """
     assert system.scalar is not None
     work_arrays.call(evaluate.prepare, system, state, work_arrays.start)
     value, rate = np.zeros((2, system.scalar.coordinates.kind.size))
     start = work_arrays.start
     scalar.values(system.scalar, start.scalar, start.frames, value, rate)
     q = system.scalar.equations.coordinate[contacts.row, 0]
-    gap = contacts.sign * (value[q] - contacts.limit)
-    return value[q], gap, contacts.sign * rate[q]
+    return value, contacts.sign * (value[q] - contacts.limit), rate
 
 
 def accelerations(
     system: System,
-    contacts: Contacts,
     response: Response,
     state: State,
     unknowns: Unknowns,
     work_arrays: WorkArrays,
 ) -> tuple[np.ndarray, float]:
-    """Return the accelerations of the gaps (k,) without forces of contacts, and the largest number
-    that they are sums of.
+    """Return the accelerations along the directions (m,) without forces of contacts, and the
+    largest number that they are sums of.
     """
     assert system.scalar is not None
     rows, Z = np.zeros((2, node_count(system), 3))
     work_arrays.call(evaluate.prepare, system, state, work_arrays.start)
     work_arrays.call(evaluate.free_acceleration, system, state, work_arrays.start, Z, rows)
-    place = system.scalar.equations.place[contacts.row[response.which]]
+    place = system.scalar.equations.place[response.row]
     bend = rows[first_multiplier(system.frames) + place[:, 0], place[:, 1]]
     solution = solve_at_rest(system, state, rows, unknowns, response.values)
     terms = response.gradient * solution
@@ -120,8 +155,8 @@ def accelerations(
 def push(
     system: System, response: Response, impulse: np.ndarray, state: State, R: np.ndarray
 ) -> None:
-    """Change the velocities of ``state`` by the ``impulse`` (k,) along the gaps, whose work on
-    prescribed motions is added; ``R`` (n+1, 3, 3) are the bodies' matrices of rotation.
+    """Change the velocities of ``state`` by the ``impulse`` (m,), whose work on prescribed motions
+    is added; ``R`` (n+1, 3, 3) are the bodies' matrices of rotation.
     """
     frames = system.frames
     change = np.einsum("k,kab->ab", impulse, response.motion)
@@ -132,7 +167,7 @@ def push(
 
 
 def displace(system: System, response: Response, push: np.ndarray, state: State) -> None:
-    """Move the bodies as an impulse ``push`` (k,) would change their velocities."""
+    """Move the bodies as an impulse ``push`` (m,) would change their velocities."""
     change = np.einsum("k,kab->ab", push, response.motion)
     state.x[:] += change[system.frames.displacement]
     for b in range(moving_count(system.frames)):

@@ -98,7 +98,12 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
     radius = reader.number(element.find("radius"), "length")
     if element.tag == "planeContact":
         normal = _parents_direction(element, "normal", ends, reader)
-        return PlaneContact(name, *points, normal, radius, *law)
+        friction = reader.number(element.find("friction"))
+        return PlaneContact(
+            *(name, *points, normal, radius, *law),
+            friction=friction,
+            static_friction=_number_or_none(element, "staticFriction", reader),
+        )
     axis = None
     if element.tag == "cylinderContact":
         axis = _parents_direction(element, "axis", ends, reader)
@@ -163,6 +168,11 @@ def _stiffness(element: Element, power: float, coordinate: str, reader: Reader) 
         return 1.0  # the exponent is a fault
     value = reader.number(element) * to_si(1.0, load, LOAD[coordinate])
     return reader.limited(element, value / to_si(1.0, base, along) ** power)
+
+
+def _number_or_none(element: Element, tag: str, reader: Reader) -> float | None:
+    part = element.find(tag)
+    return None if part is None else reader.number(part)
 
 
 def _range(element: Element, quantity: str, reader: Reader) -> tuple[float | None, float | None]:

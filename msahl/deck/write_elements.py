@@ -171,6 +171,8 @@ def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> N
     vector(parent, "normal", contact.normal)
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
+    number_unless(element, 0.0, "friction", contact.friction)
+    number(element, "staticFriction", contact.static_friction)
 
 
 def _sphere_contact(group: Element, contact: SphereContact, context: Context) -> None:

@@ -122,7 +122,7 @@ def write_reactions(
 ) -> None:
     """Write reactions (j, 6), then loads, and powers at time ``t``, of couplings and motions."""
     column = 0
-    for j in range(reaction.shape[0]):
+    for j in range(shown.moment.size):
         for i in range(6 if shown.moment[j] else 3):
             table[row, column] = reaction[j, i]
             column += 1

@@ -6,6 +6,7 @@ An event is that a scalar y of the motion reaches a level:
     COORDINATE   y is the coordinate of a joint                                 [m or rad]
     RATE         y is its rate                                              [m/s or rad/s]
     FORCE        y is a multiplier, by its place                                  [N or N m]
+    FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
     REACTING     y is an expression of joints' reactions at the same time, a place on the tape
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
@@ -15,8 +16,8 @@ counts in one ``direction`` (1: y rises, -1: y falls) or in both (0). What follo
 
     END     the run ends there
     SPLIT   the step ends there, and the next one begins: a law is not smooth there
-    CONTACT likewise, and before the next one begins contacts open or close (``contact``), or an
-            event of the deck releases and engages constraints (``switching``)
+    CONTACT likewise, and before the next one begins contacts open or close, stick or slide
+            (``contact``), or an event of the deck releases and engages constraints (``switching``)
 
 A margin that is at a level, to within ``near`` times the size of its piece or level, is free to
 leave to either side: so a step can begin at an event. With ``near`` 0 it never is. The margin of a
@@ -53,7 +54,7 @@ from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
 from msahl.system.switches import FALLS, NEVER, Conditions
 
-EXPRESSION, COORDINATE, RATE, FORCE, REACTING = range(5)
+EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION = range(6)
 END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
@@ -228,7 +229,9 @@ def _of_conditions(system: System, conditions: Conditions) -> Iterator[Margin]:
 
 
 def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
-    """Yield the margins of contacts: gaps of open ones, forces of closed ones."""
+    """Yield the margins of contacts: gaps of open ones, forces of closed ones; then those of
+    friction.
+    """
     assert system.scalar is not None
     rows = system.scalar.equations
     closed = is_active(rows)[contacts.row]
@@ -241,6 +244,14 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
             gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
             level = float(contacts.limit[k]) if contacts.acts[k] else direction * math.inf
             yield gap._replace(level=level, near=float(contacts.round_off[k]))
+    group = system.forces.sliding
+    if group is None:
+        return
+    for k in range(group.row.size):
+        if group.friction[k] > 0.0:
+            yield Margin(FRICTION, k, CONTACT, direction=-1, near=float(group.still[k]))
+        elif is_active(rows)[group.tangent[k]].any():
+            yield Margin(FRICTION, k, CONTACT, direction=-1)
 
 
 def await_conditions(margins: Margins, first: int, conditions: Conditions) -> None:

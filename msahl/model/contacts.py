@@ -14,7 +14,7 @@ from typing import TypeAlias
 from msahl.algebra.vector import Vector
 from msahl.records import record
 
-POISSON, NEWTON = IMPACT_LAWS = ("poisson", "newton")
+POISSON, NEWTON, STRONGE = IMPACT_LAWS = ("poisson", "newton", "stronge")
 
 
 @record
@@ -62,7 +62,8 @@ class DistanceLimit:
 class PlaneContact:
     """A sphere of the child, or a point (``radius`` 0), is above a plane of the parent, through
     ``parent_point`` and with the unit vector ``normal`` (parent's axes); its centre is
-    ``child_point`` [m]."""
+    ``child_point`` [m]. ``friction`` is the coefficient of Coulomb's friction while it slides,
+    ``static_friction`` that up to which it sticks, None: the same."""
 
     name: str
     parent: str
@@ -73,6 +74,8 @@ class PlaneContact:
     radius: float = 0.0
     restitution: float = 0.0
     compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
 
 
 @record
@@ -127,6 +130,14 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     ]
     names = [contact.name] if len(given) == 1 else [f"{contact.name}.{e}" for e in ENDS]
     return tuple(ContactSide(name, contact, *end) for name, end in zip(names, given, strict=False))
+
+
+def friction_of(contact: Contact) -> tuple[float, float]:
+    """Return the coefficients of friction of a contact that slides and of one that sticks."""
+    if not isinstance(contact, PlaneContact):
+        return 0.0, 0.0
+    grip = contact.static_friction
+    return contact.friction, contact.friction if grip is None else grip
 
 
 ENDS = ("lower", "upper")

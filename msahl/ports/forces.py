@@ -47,12 +47,14 @@ from msahl.ports import (
     concentrated,
     coordinate,
     point,
+    sliding,
 )
 from msahl.ports.actuator import Actuators
 from msahl.ports.compliance import Compliances
 from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.ports.coordinate import AlongForces
 from msahl.ports.point import PointForces
+from msahl.ports.sliding import Sliding
 
 
 class Forces(NamedTuple):
@@ -65,11 +67,12 @@ class Forces(NamedTuple):
     actuator: Actuators | None
     controlled: ConcentratedLoads | None  # whose factors are expressions
     signals: Signals | None  # expressions of the motion
+    sliding: Sliding | None  # contacts with friction
     laws: Laws  # of time and of coordinates, to which the groups refer by number
 
 
-ReactionForces = AlongForces
-"""The forces that depend on the joints' reactions."""
+ReactionForces = AlongForces | Sliding
+"""The forces that depend on the reactions of joints or contacts."""
 
 
 class ForcesWorkspace(NamedTuple):
@@ -79,7 +82,7 @@ class ForcesWorkspace(NamedTuple):
     place: ScalarWorkspace  # coordinates and their rates; None where the system has none
     concentrated: ConcentratedWorkspace
     point: np.ndarray  # (k, 3) arms [m]
-    reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
+    reactions: np.ndarray  # (j, 6) reactions extrapolated to the step [N, N m]
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
     elongation: np.ndarray  # (c,) of springs in the compliance form, the state's own
@@ -408,6 +411,7 @@ def mean_residual(
     _evaluate_signals_over_step(forces.signals, start, scalar, frames, h, Z)
     if scalar is not None:
         q = start.place.coordinates
+        sliding.add_mean_loads(forces.sliding, scalar, start.place, frames, step, Z)
         coordinate.add_mean_load(
             *(forces.along, forces.laws, scalar.coordinates, q, start.stretch),
             *(start.reactions, h),
@@ -447,6 +451,7 @@ def mean_jacobian(
             forces.along, forces.laws, group, q, start.reactions, frames, (h, -dt2), values
         )
         compliance.mean_jacobian(forces.compliance, forces.along, group, q, frames, step, values)
+        sliding.mean_jacobian(forces.sliding, scalar, start.place, frames, step, Z, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.controlled, start.controlled, frames, -dt2, Z, values)
     _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
@@ -460,11 +465,12 @@ def mean_work(
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
     frames: Frames,
-    h: float,
+    step: tuple[float, float],
     Z: np.ndarray,
     work: np.ndarray,
 ) -> None:
-    """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
+    """Add the work of all mean forces over the solved ``step`` (h, dt2) to ``work`` (w,) [J]."""
+    h, _ = step
     concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
     concentrated.mean_work(forces.controlled, start.controlled, frames, Z, work)
     point.mean_work(forces.point, start.point, frames, h, Z, work)
@@ -473,6 +479,7 @@ def mean_work(
     q = start.place.coordinates
     coordinate.mean_work(forces.along, forces.laws, start.reactions, q, h, work)
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
+    sliding.mean_work(forces.sliding, scalar, start.place, frames, step, Z, work)
 
 
 @kernel
@@ -825,8 +832,8 @@ def _concentrated(forces: Forces) -> list[ConcentratedLoads]:
 
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
-    """Return the forces that depend on the joints' reactions, None if there are none."""
-    return forces.along if depend_on_reactions(forces) else None
+    """Return the forces that depend on reactions, None if there are none."""
+    return forces.along if depend_on_reactions(forces) else forces.sliding
 
 
 def coordinates_of(forces: Forces) -> np.ndarray:
@@ -846,6 +853,7 @@ def renumbered(forces: Forces, number: np.ndarray) -> Forces:
     """Return the forces with coordinate q as number[q]."""
     return forces._replace(
         along=forces.along._replace(coordinate=number[forces.along.coordinate]),
+        sliding=forces.sliding and forces.sliding._replace(along=number[forces.sliding.along]),
         actuator=forces.actuator
         and forces.actuator._replace(coordinate=number[forces.actuator.coordinate]),
         signals=signals.renumbered(forces.signals, number),

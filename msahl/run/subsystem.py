@@ -158,7 +158,9 @@ class SubsystemIntegrator:
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
         self.change = make_consistent(system, state, free, model.velocity, work_arrays)
-        if self.redundant and not is_regular(system, state, unknowns, at_rest):
+        # Contacts that stick may be redundant with each other, as the corners of a box are.
+        shares = system.forces.sliding is not None and system.forces.sliding.row.size > 1
+        if shares or (self.redundant and not is_regular(system, state, unknowns, at_rest)):
             system, self.switches = _build(model, True, Places(state.x, state.p))
             unknowns, at_rest, work_arrays = (
                 choose(system, free),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import END, FORCE, REACTING, Margins, await_conditions
+from msahl.events.margins import END, FORCE, FRICTION, REACTING, Margins, await_conditions
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
@@ -68,7 +68,8 @@ class Detection:
         conditions: Conditions | None = None,
     ) -> None:
         self.workspace, self.storage, self.conditions = workspace, storage, conditions
-        self.contacts = 0 if contacts is None else contacts.row.size
+        self.gaps = 0 if contacts is None else contacts.row.size
+        self.contacts = self.gaps + int((found.kind == FRICTION).sum())
         reacts = bool(np.isin(found.kind, (FORCE, REACTING)).any()) or self.contacts
         pressing = new_instant(workspace.system, workspace.unknowns) if reacts else None
         fresh = new_detector(found, workspace.state, output, instant, pressing)
@@ -175,11 +176,13 @@ class Detection:
         return int(self.detector.margins.kind.size) - self.contacts
 
     def contact_of(self, event: Event) -> int | None:
-        """Return the number of the contact that opens or closes at an ``event``, None if it is of
-        another kind.
+        """Return the number of the contact that opens or closes at an ``event``, or behind all of
+        them that of the one with friction that sticks or slides; None if it is of another kind.
         """
         k = event.margin - self._first_contact
-        return k if k >= 0 else None
+        if k < self.gaps:
+            return k if k >= 0 else None
+        return self.gaps + int(self.detector.margins.item[event.margin])
 
     @property
     def _first_condition(self) -> int:

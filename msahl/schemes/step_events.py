@@ -26,11 +26,11 @@ import numpy as np
 
 from msahl.algebra.vector import copy
 from msahl.events import margins
-from msahl.events.margins import END, FORCE, REACTING, Margins
+from msahl.events.margins import END, FORCE, FRICTION, REACTING, Margins
 from msahl.expressions.tape import FREE
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
 from msahl.schemes.common.accelerations import Instant, accelerate
@@ -143,10 +143,21 @@ def begin_step(detector: Detector, workspace: Workspace) -> None:
     detector.event[0] = -1
     if margins.hold_known(detector.margins, t, detector.figures[NEAR]):
         detector.figures[KNOWN] = math.nan
+    update_slips(detector, workspace)
     if detector.figures[KNOWN] != t and not is_idle(detector, t):
         set_margins(detector, workspace, detector.ends[0])
     hold_switches(detector, t)
     copy_state(state, detector.before)
+
+
+@kernel
+def update_slips(detector: Detector, workspace: Workspace) -> None:
+    """Let the slips of contacts count along their directions at the start of a step."""
+    own, start = detector.margins, workspace.start
+    sliding.update_directions(
+        *(workspace.system.forces.sliding, workspace.system.scalar, start.scalar, start.frames),
+        *(own.coordinate, own.rate, detector.figures[KNOWN : KNOWN + 1]),
+    )
 
 
 @kernel
@@ -164,8 +175,10 @@ def set_forces(
     by the accelerations of the prepared state. What it holds of the last step stays.
     """
     system, state, start, solved = workspace.system, workspace.state, workspace.start, False
+    first = first_multiplier(system.frames)
     for k in range(value.size):
-        if margins.kind[k] != FORCE and margins.kind[k] != REACTING:
+        kind, item = margins.kind[k], margins.item[k]
+        if kind != FORCE and kind != REACTING and kind != FRICTION:
             continue
         if not solved:
             copy(state.force, pressing.force)
@@ -177,13 +190,16 @@ def set_forces(
             copy(pressing.force, state.force)
             copy(pressing.reaction, state.reaction)
             solved = True
-        if margins.kind[k] == REACTING:
-            item = margins.item[k]
+        if kind == REACTING:
             value[k] = forces.expression_at(system.forces.signals, start.forces, item)
-            continue
-        node, slot = margins.item[k] // 3, margins.item[k] % 3
-        unknown = pressing.solution[first_multiplier(system.frames) + node, slot]
-        value[k] = unknown * system.unit[node, slot]
+        elif kind == FRICTION:
+            value[k] = sliding.margin(
+                *(system.forces.sliding, system.scalar, item, margins.rate),
+                *(pressing.solution[first:], system.unit),
+            )
+        else:
+            node, slot = item // 3, item % 3
+            value[k] = pressing.solution[first + node, slot] * system.unit[node, slot]
 
 
 @kernel

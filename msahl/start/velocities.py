@@ -13,7 +13,9 @@ spin that moves the mass centre); where that cannot close the joints, all may ch
 that break a joint would alternate with its multiplier for ever, at conserved energy.
 """
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,9 +28,9 @@ from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
 from msahl.linalg.elimination import new_factor
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, node_count
+from msahl.system.arrays import State, System, SystemWorkspace, node_count
 from msahl.system.unknowns import Unknowns, choose
 from msahl.system.work_arrays import WorkArrays, jacobian_at_rest, new_work_arrays
 
@@ -131,7 +133,8 @@ def solve_accelerations(
         last = state.reaction.copy()
         call(evaluate.prepare, system, state, start)
         call(evaluate.free_acceleration, system, state, start, Z, rows)
-        solution = solve_at_rest(system, state, rows, unknowns, values)
+        matrix = _with_friction(system, start, values, call)
+        solution = solve_at_rest(system, state, rows, unknowns, matrix)
         state.a[:] = solution[frames.displacement]
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
@@ -140,6 +143,18 @@ def solve_accelerations(
             state.reaction, last
         ):
             break
+
+
+def _with_friction(
+    system: System, start: SystemWorkspace, values: np.ndarray, call: Callable[..., Any]
+) -> np.ndarray:
+    """Return the ``values`` of the matrix at rest with the friction of contacts that slide."""
+    group = system.forces.sliding
+    if group is None:
+        return values
+    matrix, dt2 = values.copy(), evaluate.dt2(system, math.sqrt(2.0))
+    call(sliding.add_to_matrix, group, system.scalar, start.scalar, system.frames, dt2, matrix)
+    return matrix
 
 
 def _largest(vectors: np.ndarray) -> float:

@@ -86,7 +86,7 @@ def _free(
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    accelerations.assemble(system, state, start, instant)
+    accelerations.assemble(system, state, start, instant, False)
 
 
 @kernel
@@ -140,7 +140,7 @@ def _open(
 ) -> None:
     """Set the rows to minus the violations (``level`` 0) or their rates (1); factor the matrix."""
     _prepare(system, state, start)
-    accelerations.assemble(system, state, start, instant)
+    accelerations.assemble(system, state, start, instant, False)
     evaluate.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
     for node in range(instant.rows.shape[0]):

@@ -13,14 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law
-from msahl.algebra.vector import IDENTITY, ZERO, Vector, sub
+from msahl.algebra.vector import IDENTITY, ZERO, Vector, cross, dot, scale, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
+from msahl.elements.constraints.coordinate_kinds import PLAIN
+from msahl.elements.constraints.products import ROLL, SLIDE
 from msahl.joints.coordinates import angle_offset
 from msahl.joints.joint import (
     Coincide,
     Coordinate,
     Equation,
+    Product,
     X,
     Y,
     Z,
@@ -45,6 +48,7 @@ from msahl.model.contacts import (
     JointLimit,
     PlaneContact,
     SphereContact,
+    friction_of,
     sides_of,
 )
 from msahl.model.couplings import COORDINATES, Coupling
@@ -114,6 +118,15 @@ class BeamEntry(NamedTuple):
     column: int  # of the table of work; -1 without damping
 
 
+class SlidingEntry(NamedTuple):
+    """A contact with friction, see ``ports.sliding``."""
+
+    row: int  # equation of the gap
+    along: tuple[int, int]  # coordinates of the slip; their equations follow that of the gap
+    column: int  # of the table of work
+    grip: float  # coefficient of static friction
+
+
 class ConcentratedEntry(NamedTuple):
     """A force and a moment at a point, see ``ports.concentrated``."""
 
@@ -141,6 +154,7 @@ class Elements:
     controlled: list[ConcentratedEntry] = field(default_factory=list)
     signals: SignalEntries | None = None
     beams: list[BeamEntry] = field(default_factory=list)
+    sliding: list[SlidingEntry] = field(default_factory=list)
 
     @property
     def ground(self) -> int:
@@ -213,7 +227,7 @@ class _Collector:
             self._motion(first + i, len(model.loads) + i, motion)
         first, column = first + len(model.motions), len(model.loads) + len(model.motions)
         for i, side in enumerate(model.contact_sides):
-            self._contact(first + i, side)
+            self._contact(first + i, column + i, side)
         # Springs in the compliance form are numbered behind the elements of beams.
         sides = len(model.contact_sides)
         columns = sides + len(model.events)
@@ -304,13 +318,38 @@ class _Collector:
             )
         )
 
-    def _contact(self, element: int, side: ContactSide) -> None:
-        """Add the equation of an open contact, which any motion satisfies."""
-        coordinate = self._along_contact(side.contact)
+    def _contact(self, element: int, column: int, side: ContactSide) -> None:
+        """Add the equations of an open contact, which any motion satisfies."""
+        contact = side.contact
+        coordinate = self._along_contact(contact)
         equation = Equation(self.elements.coordinates[coordinate][0], 0.0)
         self._add_load_equation(
             EquationEntry(element, coordinate, -1, 0.0, equation, first_coefficient=0.0)
         )
+        friction, grip = friction_of(contact)
+        if isinstance(contact, PlaneContact) and max(friction, grip) > 0.0:
+            row, pair = len(self.elements.equations) - 1, self.elements.coordinates[coordinate][1]
+            slips = [self._slip(element, contact, t, pair) for t in tangents(contact.normal)]
+            self.elements.sliding.append(SlidingEntry(row, (slips[0], slips[1]), column, grip))
+
+    def _slip(self, element: int, contact: PlaneContact, direction: Vector, pair: Pair) -> int:
+        """Add the slip of a contact along a ``direction``: its coordinate, whose number is
+        returned, and the equation of one that sticks.
+
+        A sphere on a plane of a ground rolls as a disk does whose axis lies in the plane.
+        """
+        product = Product(SLIDE, direction)
+        if contact.radius > 0.0:
+            product = Product(ROLL, direction, up=scale(contact.radius, contact.normal))
+        slip = Coordinate(PLAIN, (product,))
+        coordinate, rate = self._add(slip, pair), contact.radius > 0.0
+        self.elements.equations.append(
+            EquationEntry(
+                *(element, coordinate, -1, 0.0, Equation(slip, 0.0, rate=rate)),
+                first_coefficient=0.0,
+            )
+        )
+        return coordinate
 
     def _along_contact(self, contact: Contact) -> int:
         """Return the number of the coordinate of a contact."""
@@ -460,6 +499,16 @@ def _compliant_parameters(side: ContactSide) -> Parameters:
         ("damping", damping),
         ("side", side.sign),
     )
+
+
+def tangents(normal: Vector) -> tuple[Vector, Vector]:
+    """Return two unit vectors across a ``normal`` and each other, the first across the axis that
+    is the most across the normal.
+    """
+    axis = min(range(3), key=lambda i: abs(normal[i]))
+    first = cross(IDENTITY[axis], normal)
+    first = scale(1.0 / math.sqrt(dot(first, first)), first)
+    return first, cross(normal, first)
 
 
 def _bushing_coordinates(bushing: Bushing) -> list[Coordinate]:

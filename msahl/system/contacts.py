@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints.equations import is_active
+from msahl.elements.constraints.equations import ConstraintEquations, is_active
 from msahl.joints.coordinates import angle_offset
 from msahl.model import ContactSide, JointLimit, Model
+from msahl.model.contacts import friction_of
 from msahl.system.arrays import State, System
 from msahl.system.state import work_of_contacts
 
@@ -29,6 +30,8 @@ class Contacts(NamedTuple):
     restitution: np.ndarray  # (c,)
     round_off: np.ndarray  # (c,) gap that counts as none [m or rad]
     column: np.ndarray  # (c,) of the table of work
+    friction: np.ndarray  # (c,) coefficient while it slides
+    sliding: np.ndarray  # (c,) its number among the contacts with friction; -1 without
     acts: np.ndarray  # (c,) whether it can close: events may release it; changes during a run
 
 
@@ -40,13 +43,19 @@ def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
     row = system.shown.load_equation[-len(sides) :]
     scale = system.scalar.equations.scale[row]
     size = max(float(system.frames.length.max()), float(np.abs(state.x).max()))
+    column = work_of_contacts(model) + np.arange(len(sides))
+    number, group = np.full(len(sides), -1), system.forces.sliding
+    if group is not None:
+        number[group.column - column[0]] = np.arange(group.row.size)
     return Contacts(
         row=row,
         sign=np.array([side.sign for side in sides]),
         limit=np.array([_limit(model, side) for side in sides]),
         restitution=np.array([side.contact.restitution for side in sides]),
         round_off=NEAR * size / scale,
-        column=work_of_contacts(model) + np.arange(len(sides)),
+        column=column,
+        friction=np.array([friction_of(side.contact)[0] for side in sides]),
+        sliding=number,
         acts=np.array([side.contact.name not in model.released for side in sides]),
     )
 
@@ -66,11 +75,39 @@ def closed(system: System, contacts: Contacts) -> np.ndarray:
     return found
 
 
+def sticking(system: System) -> np.ndarray:
+    """(k,) which contacts with friction stick."""
+    assert system.scalar is not None
+    group = system.forces.sliding
+    if group is None:
+        return np.zeros(0, dtype=bool)
+    found: np.ndarray = is_active(system.scalar.equations)[group.tangent[:, 0]]
+    return found
+
+
 def set_closed(system: System, contacts: Contacts, which: np.ndarray, value: np.ndarray) -> None:
-    """Close the contacts ``which`` (c,) at these ``value`` (c,) of their coordinates, and open all
-    others.
+    """Close the contacts ``which`` (c,), at these ``value`` (q,) of all coordinates, and open all
+    others; those with friction slide without it.
     """
     assert system.scalar is not None
-    rows = system.scalar.equations
-    rows.coefficient[contacts.row, 0] = np.where(which, 1.0, 0.0)
-    rows.offset[contacts.row] = np.where(which, value, 0.0)
+    rows, group = system.scalar.equations, system.forces.sliding
+    _set(rows, contacts.row, which, value)
+    if group is not None:
+        _set(rows, group.tangent.reshape(-1), np.zeros(2 * group.row.size, dtype=bool), value)
+        group.friction[:] = 0.0
+
+
+def set_sticking(system: System, which: np.ndarray, value: np.ndarray) -> None:
+    """Let the contacts with friction ``which`` (k,) stick, at these ``value`` (q,) of all
+    coordinates.
+    """
+    assert system.scalar is not None
+    group = system.forces.sliding
+    if group is not None:
+        _set(system.scalar.equations, group.tangent.reshape(-1), np.repeat(which, 2), value)
+
+
+def _set(rows: ConstraintEquations, row: np.ndarray, which: np.ndarray, value: np.ndarray) -> None:
+    """Let those of the equations ``row`` (n,) hold which ``which`` (n,) says."""
+    rows.coefficient[row, 0] = np.where(which, 1.0, 0.0)
+    rows.offset[row] = np.where(which, value[rows.coordinate[row, 0]], 0.0)

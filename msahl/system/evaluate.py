@@ -28,7 +28,7 @@ from msahl.formulations.absolute.frames import moving_count
 from msahl.formulations.absolute.frames import prepare as prepare_frames
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import apart, kernel, unit
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 
@@ -97,7 +97,7 @@ def joint_jacobian(
 
 @apart
 def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.ndarray) -> None:
-    """Set the joints' reactions of ``state`` from its multipliers, after the residual at ``Z``."""
+    """Set the reactions of ``state`` from its multipliers, after the residual at ``Z``."""
     reactions.sum_reactions(
         system.reactions,
         system.scalar,
@@ -108,6 +108,7 @@ def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.nd
         state.force,
         state.reaction,
     )
+    sliding.set_forces(system.forces.sliding, system.scalar, state.force, state.reaction)
 
 
 @apart

@@ -30,6 +30,7 @@ from msahl.ports.concentrated import ConcentratedLoads
 from msahl.ports.coordinate import AlongForces
 from msahl.ports.forces import Forces
 from msahl.ports.point import PointForces
+from msahl.ports.sliding import Sliding
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
 from msahl.system.signal_inputs import SignalEntries
@@ -210,7 +211,25 @@ def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) 
         if topology.controlled is None
         else _concentrated(elements, elements.controlled, topology.controlled),
         signals=_signals(elements, topology),
+        sliding=_sliding(elements) if elements.sliding else None,
         laws=laws,
+    )
+
+
+def _sliding(elements: Elements) -> Sliding:
+    """Return the contacts with friction, all of them open."""
+    entries = elements.sliding
+    row = np.array([entry.row for entry in entries])
+    return Sliding(
+        row=row,
+        tangent=row[:, None] + [1, 2],
+        along=np.array([entry.along for entry in entries]),
+        reaction=len(elements.model.joints) + np.arange(row.size),
+        friction=np.zeros(row.size),
+        grip=_numbers(entry.grip for entry in entries),
+        toward=np.tile([1.0, 0.0], (row.size, 1)),
+        still=np.zeros(row.size),
+        column=np.array([entry.column for entry in entries]),
     )
 
 

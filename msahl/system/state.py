@@ -13,7 +13,7 @@ from msahl.jit.by_size import by_size
 from msahl.jit.kernel import kernel
 from msahl.model import Model, resolve
 from msahl.model.beams import is_damped
-from msahl.ports import compliance, forces
+from msahl.ports import compliance, forces, sliding
 from msahl.system.arrays import State, System, coordinate_count, new_coordinates_workspace
 from msahl.system.build import initial_places
 
@@ -27,7 +27,7 @@ def build_state(model: Model, system: System) -> State:
         v[i] = times(R, add(body.velocity, cross(body.angular_velocity, body.r_BG)))
         w[i] = body.angular_velocity
     multipliers = (system.multipliers.node.size, 3)
-    joints = (system.reactions.child.size, 6)
+    joints = (sliding.reaction_count(system.forces.sliding, system.reactions.child.size), 6)
     strain = np.zeros((system.beams.element.size if system.beams else 0, 6))
     state = State(
         time=np.zeros(1),

@@ -21,6 +21,7 @@ ROPE = (DECKS / "slack_rope.xml").read_text()
 BILLIARD = (DECKS / "billiard.xml").read_text()
 TROUGH = (DECKS / "trough.xml").read_text()
 WALL = (DECKS / "pendulum_at_a_wall.xml").read_text()
+SPHERE = (DECKS / "sliding_sphere.xml").read_text()
 
 
 def faults_of(tmp_path, text, old, new):
@@ -56,6 +57,8 @@ def test_records_are_those_of_the_deck():
         "buffers",
         "billiard",
         "trough",
+        "sliding_sphere",
+        "box_on_slope",
     ],
 )
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
@@ -107,6 +110,30 @@ FAULTS = {
         "1.5 (Hertz)",
     ),
     "unit of an angle": (WALL, "<rest", '<stiffness units="N/mm">9</stiffness><rest', "N-m/rad"),
+    "friction": (
+        SPHERE,
+        "<friction>0.2</friction>",
+        "<friction>-0.2</friction>",
+        "friction: it is -0.2; it must not be less than zero",
+    ),
+    "static friction": (
+        SPHERE,
+        "<friction>0.2</friction>",
+        "<friction>0.2</friction><staticFriction>0.1</staticFriction>",
+        "staticFriction: it is 0.1, and friction 0.2; it must not be less than friction",
+    ),
+    "friction of a compliant one": (
+        SPHERE,
+        "<friction>0.2</friction>",
+        "<stiffness>1e5</stiffness><friction>0.2</friction>",
+        "compliant contacts have no friction",
+    ),
+    "sphere on a body": (
+        SPHERE,
+        "<parent><name>Earth</name><normal><z>1</z></normal></parent>\n        <child><name>Ball",
+        "<parent><name>Ball</name><normal><z>1</z></normal></parent>\n        <child><name>Earth",
+        "a sphere has friction on a plane of a ground only, and 'Ball' is a body",
+    ),
     "overlap": (BALL, "<z>1.1</z>", "<z>0.05</z>", "0.05 m below the plane at t = 0"),
     "too long": (
         ROPE,

@@ -50,6 +50,10 @@ CASES = [
     ("compliant", "preserving", 24),
     ("compliant", "gauss2", 24),
     ("compliant", "gauss3", 40),
+    ("sliding_sphere", "gauss2", 20),
+    ("sliding_sphere", "decaying", 29),
+    ("box_on_slope", "preserving", 24),
+    ("box_on_slope", "radau2", 40),
 ]
 
 

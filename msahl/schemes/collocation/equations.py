@@ -69,7 +69,7 @@ from msahl.formulations.absolute.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel, optional, unit
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.schemes.collocation import jacobian
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.common.criteria import step_length
@@ -249,8 +249,10 @@ def set_force_accelerations(system: System, stages: StageArrays, h: float, i: in
     states.set_state(system.forces.signals, node.forces.signals, stages.signals, i)
     Z, F = stages.Z[i], stages.F[i]
     forces.set_stage_loads(system.forces, node.forces, group, frames, h, Z, F)
+    sliding.add_loads(system.forces.sliding, node.scalar, reaction)
     forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
     forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
+    sliding.add_power(system.forces.sliding, node.scalar, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
     instant.add_power(system.beams, node.beams, node.frames, dt, stages.work)
     beams.set_multipliers(system.beams, frames, h, Z, stages.at_rest)

@@ -34,7 +34,7 @@ from msahl.formulations.absolute import local_rotation
 from msahl.formulations.absolute.equations import add_block
 from msahl.formulations.absolute.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.schemes.collocation.workspace import (
     BODY,
     FORCE,
@@ -102,6 +102,10 @@ def _differentiate_forces(system: System, stages: StageArrays, h: float, i: int)
     states.take_slopes(system.forces.signals, node.forces.signals, stages.signals, i, i)
     scalar.differentiate(group, node.scalar, frames, out.still)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
+    sliding.add_derivatives(
+        *(system.forces.sliding, group, node.scalar, stages.reaction[i]),
+        *(frames, node.frames, out),
+    )
     forces.add_stage_derivatives(system.forces, node.forces, group, frames, h, out)
     scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
     beams.add_elastic_derivatives(

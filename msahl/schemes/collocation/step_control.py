@@ -413,6 +413,7 @@ def begin_pair(detector: Detector, workspace: Workspace) -> None:
     detector.event[0] = -1
     if margins.hold_known(detector.margins, t, detector.figures[step_events.NEAR]):
         detector.figures[step_events.KNOWN] = math.nan
+    step_events.update_slips(detector, workspace)
     if detector.figures[step_events.KNOWN] != t:
         save_margins(detector, workspace, 0)
     step_events.hold_switches(detector, t)

@@ -33,7 +33,7 @@ from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.linalg.elimination import new_factor
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.schemes.common.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate
@@ -81,6 +81,7 @@ def new_instant(
     if unknowns is None:
         unknowns = choose(system, all_unknowns(system))
     nodes = (node_count(system), 3)
+    count = sliding.reaction_count(system.forces.sliding, system.reactions.child.size)
     return Instant(
         unknowns=unknowns,
         Z=np.zeros(nodes),
@@ -90,8 +91,8 @@ def new_instant(
         y=np.zeros(unknowns.elimination.order.size),
         solution=np.zeros(nodes),
         force=np.zeros((system.multipliers.node.size, 3)),
-        reaction=np.zeros((system.reactions.child.size, 6)),
-        last=np.zeros((system.reactions.child.size, 6)),
+        reaction=np.zeros((count, 6)),
+        last=np.zeros((count, 6)),
         a=np.zeros((system.frames.length.size, 3)),
         alpha=np.zeros((system.frames.length.size, 3)),
         publishes_reactions=publishes_reactions,
@@ -99,11 +100,19 @@ def new_instant(
 
 
 @unit
-def assemble(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
-    """Set the right-hand side ``rows`` and factor the matrix."""
+def assemble(
+    system: System, state: State, start: SystemWorkspace, instant: Instant, slides: bool
+) -> None:
+    """Set the right-hand side ``rows`` and factor the matrix, with the friction of contacts if it
+    ``slides``.
+    """
     instant.rows[:] = 0.0
     evaluate.free_acceleration(system, state, start, instant.Z, instant.rows)
     evaluate.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
+    if slides:
+        dt2 = evaluate.dt2(system, NO_STEP)
+        group, place = system.forces.sliding, start.scalar
+        sliding.add_to_matrix(group, system.scalar, place, system.frames, dt2, instant.values)
     sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)
 
 
@@ -156,7 +165,7 @@ def accelerate(system: System, state: State, start: SystemWorkspace, instant: In
     """
     for _ in range(MOST_ROUNDS):
         copy(state.reaction, instant.last)
-        assemble(system, state, start, instant)
+        assemble(system, state, start, instant, True)
         solve(instant)
         if system.relaxation > 0.0:
             remove_relaxation(system, instant)
@@ -181,7 +190,7 @@ def solve_projection(
     (k, 3) [m] or [m/s].
     """
     first = first_multiplier(system.frames)
-    assemble(system, state, start, instant)
+    assemble(system, state, start, instant, False)
     for node in range(instant.rows.shape[0]):
         for i in range(3):
             instant.rows[node, i] = 0.0 if node < first else -violation[node - first, i]

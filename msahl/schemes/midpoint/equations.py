@@ -186,7 +186,7 @@ def accept(
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
     frames, t, h2 = system.frames, state.time[0], dt2(system, h)
     decay, loss, gained = system.decay, 0.0, 0.0
-    forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
+    forces.mean_work(system.forces, start.forces, system.scalar, frames, (h, h2), Z, state.work)
     results.accept(system.forces.signals, start.forces.signals, state.auxiliary)
     beams.accept(system.beams, start.beams, h, state.strain, state.work)
     forces.accept(system.forces, start.forces, system.scalar)

@@ -1,0 +1,207 @@
+"""Complementarity problems of contacts with Coulomb's friction, several at once.
+
+    w = W z + q                              along the normal n and two tangents t of each contact
+    w_n >= 0,  z_n >= least,                 complementary
+    |z_t| <= mu z_n,  z_t = -mu z_n w_t/|w_t| where w_t is not zero           (a circular cone)
+
+z are impulses and w rates, or z forces and w accelerations. Of a contact that slides already the
+direction d of z_t = -mu z_n d is given. The equations
+
+    z_n = max(least, z_n - r w_n),    z_t = the nearest to z_t - r w_t in the disk of radius mu z_n
+
+are solved by Newton's method on their pieces, from where the problems of one contact after the
+other (``cone``) have led, and for a few contacts also from each choice of open, sticking and
+sliding ones. A solution is one only if it satisfies them to round-off. Source: P. Alart, A.
+Curnier, A mixed formulation for frictional contact problems prone to Newton like solution methods,
+Comput. Methods Appl. Mech. Engrg. 92 (1991).
+"""
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.contact.complementarity import NoSolution
+from msahl.contact.cone import solve_one
+
+EXACT = 1e-12
+"""Residual, relative to the largest term, of a solution."""
+NEAR = 1e-4
+"""Change in a round of the contacts, relative to the largest, from which Newton's method begins."""
+ROUNDS, NEWTON = 100, 30
+"""Rounds of the contacts, and steps of Newton's method, before another start is tried."""
+LARGEST, SOLVED = 1e10, 1e-10
+"""Size of a solution, and its residual, from which on a matrix counts as singular."""
+FEW = 4
+"""Contacts of which every choice of states is tried."""
+
+
+class Cones(NamedTuple):
+    """What k contacts have; numbers of unknowns count in z."""
+
+    normal: np.ndarray  # (k,)
+    tangent: np.ndarray  # (k, 2) or -1 without friction
+    friction: np.ndarray  # (k,) mu
+    least: np.ndarray  # (k,) of the normal parts
+    toward: np.ndarray  # (k, 2) direction of a slip that is given, else nan
+
+
+class Jammed(NoSolution):
+    """The normal force of a sliding contact presses its own gap closed (Painleve)."""
+
+    def __init__(self, contact: int, coefficient: float, without: float) -> None:
+        super().__init__(contact, coefficient, without)
+        self.contact, self.coefficient, self.without = contact, coefficient, without
+
+
+def solve(W: np.ndarray, q: np.ndarray, cones: Cones) -> np.ndarray:
+    """Return z (m,). Raises ``NoSolution``."""
+    refuse_jammed(W, cones)
+    size = _sizes(W, cones)
+    scaled, right = W / np.outer(size, size), q / size
+    given = cones._replace(least=cones.least * size[cones.normal])
+    for start in _starts(scaled, right, given):
+        z = _newton(scaled, right, given, start)
+        if z is not None:
+            return z / size
+    raise NoSolution
+
+
+def refuse_jammed(W: np.ndarray, cones: Cones) -> None:
+    """Raise ``Jammed`` where the reduced normal coefficient of a sliding contact is negative, or
+    zero.
+    """
+    for k, n in enumerate(cones.normal):
+        if math.isnan(cones.toward[k, 0]) or cones.friction[k] == 0.0:
+            continue
+        reduced = W[n, n] - cones.friction[k] * float(W[n, cones.tangent[k]] @ cones.toward[k])
+        if reduced <= 0.0:
+            raise Jammed(k, reduced, float(W[n, n]))
+
+
+def _sizes(W: np.ndarray, cones: Cones) -> np.ndarray:
+    """Return by what the unknowns (m,) are multiplied, the same for all of a contact."""
+    size = np.ones(len(W))
+    for n, t in zip(cones.normal, cones.tangent, strict=True):
+        own = math.sqrt(abs(float(W[n, n]))) or 1.0
+        size[n] = own
+        if t[0] >= 0:
+            size[t] = own
+    return size
+
+
+def _residual(
+    W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations (m,) at ``z``, and their derivative (m, m)."""
+    w, F, J = W @ z + q, np.zeros(z.size), np.zeros((z.size, z.size))
+    for n, t, mu, least, d in zip(*cones, strict=True):
+        if z[n] - least - w[n] > 0.0:
+            F[n], J[n] = w[n], W[n]
+        else:
+            F[n], J[n, n] = z[n] - least, 1.0
+        if t[0] < 0:
+            continue
+        radius = mu * max(z[n], 0.0)
+        by_n = mu if z[n] > 0.0 else 0.0
+        if not math.isnan(d[0]):
+            F[t], J[t, t] = z[t] + radius * d, 1.0
+            J[t, n] += by_n * d
+            continue
+        r = 1.0 / max(0.5 * float(W[t[0], t[0]] + W[t[1], t[1]]), 1e-300)
+        y = z[t] - r * w[t]
+        length = math.hypot(*y)
+        if length <= radius and radius > 0.0:
+            F[t], J[t] = r * w[t], r * W[t]
+            continue
+        F[t], J[t, t] = z[t], 1.0
+        if radius > 0.0:
+            e = y / length
+            F[t] -= radius * e
+            J[t, n] -= by_n * e
+            rotated = radius / length * (np.eye(2) - np.outer(e, e))
+            by_z = -r * W[t]
+            by_z[[0, 1], t] += 1.0
+            J[t] -= rotated @ by_z
+    return F, J
+
+
+def _newton(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.ndarray | None:
+    """Return the solution that Newton's method finds from ``z``, or None."""
+    best: tuple[float, np.ndarray] | None = None
+    for _ in range(NEWTON):
+        F, J = _residual(W, q, cones, z)
+        size = max(float(np.abs(q).max()), float(np.abs(W * z).max()), 1e-300)
+        left = float(np.abs(F).max()) / size
+        if not math.isfinite(left):
+            return None
+        if best is None or left < best[0]:
+            best = left, z
+        elif left <= EXACT:
+            break
+        if left == 0.0:
+            break
+        z = z - _solved(J, F)
+    assert best is not None
+    return best[1] if best[0] <= EXACT else None
+
+
+def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the solution of A x = b, the least one where A is singular to round-off."""
+    try:
+        x: np.ndarray = np.linalg.solve(A, b)
+        if np.abs(x).max() < LARGEST and np.abs(A @ x - b).max() <= SOLVED * np.abs(b).max():
+            return x
+    except np.linalg.LinAlgError:
+        pass
+    return np.linalg.lstsq(A, b, rcond=1e-13)[0]
+
+
+def _starts(W: np.ndarray, q: np.ndarray, cones: Cones) -> Iterator[np.ndarray]:
+    """Yield values from which Newton's method begins."""
+    z = np.zeros(q.size)
+    z[cones.normal] = cones.least
+    yield z
+    yield _project(W, q, cones, z.copy())
+    if cones.normal.size > FEW:
+        return
+    for states in itertools.product(range(3), repeat=cones.normal.size):
+        yield _start_of(W, q, cones, states)
+
+
+def _project(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.ndarray:
+    """Return ``z`` after the problems of one contact after the other, each with the rest given."""
+    for _ in range(ROUNDS):
+        last = z.copy()
+        for n, t, mu, least, d in zip(*cones, strict=True):
+            if t[0] < 0:
+                z[n] = max(least, z[n] - (W[n] @ z + q[n]) / W[n, n])
+                continue
+            own = np.array([n, *t])
+            block = W[np.ix_(own, own)]
+            rest = W[own] @ z + q[own] - block @ z[own]
+            found = solve_one(block, rest, mu, least, None if math.isnan(d[0]) else d)
+            if found is not None:
+                z[own] = found
+        if np.abs(z - last).max() <= NEAR * np.abs(z).max():
+            break
+    return z
+
+
+def _start_of(W: np.ndarray, q: np.ndarray, cones: Cones, states: tuple[int, ...]) -> np.ndarray:
+    """Return z where the contacts are open (0), stick (1) or slide (2), along what q has."""
+    A, b = np.eye(q.size), np.zeros(q.size)
+    for k, (n, t, mu, least, d) in enumerate(zip(*cones, strict=True)):
+        b[n] = least
+        if states[k] > 0:
+            A[n], b[n] = W[n], -q[n]
+        if t[0] < 0:
+            continue
+        if states[k] == 1 and math.isnan(d[0]):
+            A[t], b[t] = W[t], -q[t]
+        elif states[k] == 2 or not math.isnan(d[0]):
+            along = d if not math.isnan(d[0]) else q[t] / (math.hypot(*q[t]) or 1.0)
+            A[t, n] += mu * along
+    return np.linalg.lstsq(A, b, rcond=1e-13)[0]

@@ -1,0 +1,377 @@
+"""Friction of contacts that slide: Coulomb's law by the normal force of the same instant.
+
+    F = -mu N d         on the child, the opposite on the parent, at the point of contact   [N]
+    d = s/|s|           direction of the slip s = (rates of two tangential coordinates)     [-]
+    mu, N               coefficient of friction; multiplier of the gap                      [-, N]
+
+Forces that depend on N change the matrix of the index-1 problem: the multiplier of a gap pushes
+along n - mu d and not along n. So N is that of the accelerations, without an iteration. A
+collocation step takes it at its nodes c_i; a step of the midpoint element has its own multiplier
+and the mean slip over the step, so that the work is -mu N |change| exactly.
+
+A step may pass through the end of the slip, which is an event at which it is taken again. For such
+a trial
+
+    d = (|s . d0| d0 + s - (s . d0) d0)/|s|         d0 the direction at the start of the step
+
+goes on along the same line, where s/|s| jumps. Where |s| is round-off, d is d0.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import Vector, at, axpy, scale
+from msahl.elements.constraints.coordinate_jacobians import add_outer, rate_gradient
+from msahl.elements.constraints.coordinate_kinds import Coordinates, Derivatives
+from msahl.elements.constraints.coordinates import row_factor
+from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace, values
+from msahl.formulations.absolute.frames import Frames, FramesWorkspace
+from msahl.formulations.absolute.multipliers import by_unknown, multiplier
+from msahl.jit.kernel import kernel, optional
+
+ROTATED = 0.99
+"""Cosine of the rotation of a slip's direction from step to step that counts as none."""
+
+
+class Sliding(NamedTuple):
+    """The contacts with friction; ``toward``, ``friction`` and ``still`` change during a run."""
+
+    row: np.ndarray  # (k,) equation of the gap
+    tangent: np.ndarray  # (k, 2) equations between the slips, of contacts that stick
+    along: np.ndarray  # (k, 2) coordinates whose rates are the slip
+    reaction: np.ndarray  # (k,) row of its forces N, T_1, T_2 behind the joints' reactions
+    friction: np.ndarray  # (k,) mu while it slides, else 0
+    grip: np.ndarray  # (k,) coefficient of static friction
+    toward: np.ndarray  # (k, 2) d0
+    still: np.ndarray  # (k,) slip that is round-off [m/s]
+    column: np.ndarray  # (k,) of the table of work
+
+
+@kernel
+def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, float, float]:
+    """Return d of contact ``k`` at the slip ``s``, and |s|, which is 0 where it is round-off."""
+    t_1, t_2, speed = group.toward[k, 0], group.toward[k, 1], math.sqrt(s_1 * s_1 + s_2 * s_2)
+    if speed <= group.still[k]:
+        return t_1, t_2, 0.0
+    along = s_1 * t_1 + s_2 * t_2
+    if along < 0.0:
+        s_1, s_2 = s_1 - 2.0 * along * t_1, s_2 - 2.0 * along * t_2
+    return s_1 / speed, s_2 / speed, speed
+
+
+@kernel
+def rotation_row(
+    group: Sliding, k: int, d_1: float, d_2: float, s_1: float, s_2: float
+) -> tuple[float, float]:
+    """Return the vector whose product with a change of s, over |s|, rotates the direction ``d``."""
+    t_1, t_2 = group.toward[k, 0], group.toward[k, 1]
+    row_1, row_2 = -d_2, d_1
+    if s_1 * t_1 + s_2 * t_2 < 0.0:
+        along = row_1 * t_1 + row_2 * t_2
+        row_1, row_2 = row_1 - 2.0 * along * t_1, row_2 - 2.0 * along * t_2
+    return row_1, row_2
+
+
+@kernel
+def slip_of(group: Sliding, k: int, rate: np.ndarray) -> tuple[float, float]:
+    """Return the slip of contact ``k`` from the coordinates' rates (q,)."""
+    return rate[group.along[k, 0]], rate[group.along[k, 1]]
+
+
+@optional()
+def update_directions(
+    group: Sliding,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
+    motion: FramesWorkspace,
+    value: np.ndarray,
+    rate: np.ndarray,
+    known: np.ndarray,
+) -> None:
+    """Set ``toward`` to the directions at the start of a step; ``value`` and ``rate`` (q,) receive
+    the coordinates. Where one has rotated, ``known`` (1,) becomes nan.
+    """
+    assert scalar is not None
+    values(scalar, start, motion, value, rate)
+    for k in range(group.row.size):
+        s_1, s_2 = slip_of(group, k, rate)
+        speed = math.sqrt(s_1 * s_1 + s_2 * s_2)
+        if group.friction[k] == 0.0 or speed <= group.still[k]:
+            continue
+        s_1, s_2 = s_1 / speed, s_2 / speed
+        if s_1 * group.toward[k, 0] + s_2 * group.toward[k, 1] < ROTATED:
+            known[0] = math.nan
+        group.toward[k, 0], group.toward[k, 1] = s_1, s_2
+
+
+@optional(0.0)
+def margin(
+    group: Sliding,
+    scalar: ScalarConstraints | None,
+    k: int,
+    rate: np.ndarray,
+    force: np.ndarray,
+    unit: np.ndarray,
+) -> float:
+    """Return what is left until contact ``k`` changes: of one that slides the slip along d0, of one
+    that sticks the grip that is left, mu_s N - |T|; ``force`` (n, 3) are multipliers over their
+    ``unit``.
+    """
+    assert scalar is not None
+    if group.friction[k] != 0.0:
+        s_1, s_2 = slip_of(group, k, rate)
+        return s_1 * group.toward[k, 0] + s_2 * group.toward[k, 1]
+    N = load_of(scalar, group.row[k], force, unit)
+    T_1 = load_of(scalar, group.tangent[k, 0], force, unit)
+    T_2 = load_of(scalar, group.tangent[k, 1], force, unit)
+    return group.grip[k] * N - math.sqrt(T_1 * T_1 + T_2 * T_2)
+
+
+@kernel
+def load_of(scalar: ScalarConstraints, r: int, force: np.ndarray, unit: np.ndarray) -> float:
+    """Return the multiplier of equation ``r``."""
+    node, slot = scalar.equations.place[r, 0], scalar.equations.place[r, 1]
+    return force[node, slot] * unit[node, slot]
+
+
+@optional()
+def set_forces(
+    group: Sliding, scalar: ScalarConstraints | None, force: np.ndarray, reaction: np.ndarray
+) -> None:
+    """Set the contacts' rows of ``reaction`` (j + k, 6) from the multipliers (n, 3)."""
+    assert scalar is not None
+    place = scalar.equations.place
+    for k in range(group.row.size):
+        row = reaction[group.reaction[k]]
+        row[0] = force[place[group.row[k], 0], place[group.row[k], 1]]
+        for i in range(2):
+            r = group.tangent[k, i]
+            row[1 + i] = force[place[r, 0], place[r, 1]]
+
+
+@optional()
+def add_loads(group: Sliding, place: ScalarWorkspace, reaction: np.ndarray) -> None:
+    """Add the friction by the normal forces in ``reaction`` to the coordinates' loads, after
+    ``scalar.rates``.
+    """
+    for k in range(group.row.size):
+        if group.friction[k] != 0.0:
+            d_1, d_2, _ = direction(group, k, *slip_of(group, k, place.rate))
+            limit = group.friction[k] * reaction[group.reaction[k], 0]
+            place.coordinates.load[group.along[k, 0]] -= limit * d_1
+            place.coordinates.load[group.along[k, 1]] -= limit * d_2
+
+
+@optional()
+def add_power(
+    group: Sliding, place: ScalarWorkspace, reaction: np.ndarray, dt: float, work: np.ndarray
+) -> None:
+    """Add ``dt`` times the power of friction [W] to its columns of ``work`` [J]."""
+    for k in range(group.row.size):
+        if group.friction[k] != 0.0:
+            s_1, s_2 = slip_of(group, k, place.rate)
+            d_1, d_2, _ = direction(group, k, s_1, s_2)
+            limit = group.friction[k] * reaction[group.reaction[k], 0]
+            work[group.column[k]] -= limit * (d_1 * s_1 + d_2 * s_2) * dt
+
+
+@kernel
+def across(
+    parts_1: tuple[Vector, Vector, Vector, Vector],
+    parts_2: tuple[Vector, Vector, Vector, Vector],
+    c_1: float,
+    c_2: float,
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return ``c_1`` times one set of parts plus ``c_2`` times another."""
+    return (
+        axpy(c_1, parts_1[0], scale(c_2, parts_2[0])),
+        axpy(c_1, parts_1[1], scale(c_2, parts_2[1])),
+        axpy(c_1, parts_1[2], scale(c_2, parts_2[2])),
+        axpy(c_1, parts_1[3], scale(c_2, parts_2[3])),
+    )
+
+
+@kernel
+def parts_of(vectors: np.ndarray) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return the four parts (4, 3) of a coordinate."""
+    return at(vectors, U_A), at(vectors, Q_A), at(vectors, U_B), at(vectors, Q_B)
+
+
+@kernel
+def factors(
+    coords: Coordinates, frames: Frames, factor: float, q: int, load: float
+) -> tuple[float, float, float, float]:
+    """Return what ``load`` along coordinate ``q`` adds to the rows of its parts."""
+    return (
+        load * row_factor(coords, frames, factor, q, U_A),
+        load * row_factor(coords, frames, factor, q, Q_A),
+        load * row_factor(coords, frames, factor, q, U_B),
+        load * row_factor(coords, frames, factor, q, Q_B),
+    )
+
+
+@optional()
+def add_derivatives(
+    group: Sliding,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
+    reaction: np.ndarray,
+    frames: Frames,
+    motion: FramesWorkspace,
+    out: Derivatives,
+) -> None:
+    """Add the derivatives of ``add_loads`` by mass at the same N, after ``scalar.differentiate``:
+    the direction rotates by the slip across it.
+    """
+    assert scalar is not None
+    coords, q = scalar.coordinates, place.coordinates
+    for k in range(group.row.size):
+        s_1, s_2 = slip_of(group, k, place.rate)
+        d_1, d_2, speed = direction(group, k, s_1, s_2)
+        if group.friction[k] == 0.0 or speed == 0.0:
+            continue
+        row_1, row_2 = rotation_row(group, k, d_1, d_2, s_1, s_2)
+        first, second = group.along[k, 0], group.along[k, 1]
+        force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
+        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
+        load = -group.friction[k] * reaction[group.reaction[k], 0] / speed
+        add_outer(
+            out.by_rate, coords.block, first, factors(coords, frames, 1.0, first, load), force, row
+        )
+        half_1 = rate_gradient(coords, q, frames, motion, first, out)
+        half_2 = rate_gradient(coords, q, frames, motion, second, out)
+        row = across(half_1, half_2, row_1, row_2)
+        add_outer(
+            out.by_place, coords.block, first, factors(coords, frames, 2.0, first, load), force, row
+        )
+
+
+@kernel
+def add_columns(
+    group: Sliding,
+    scalar: ScalarConstraints,
+    place: ScalarWorkspace,
+    frames: Frames,
+    factor: float,
+    d: tuple[int, float, float],
+    out: np.ndarray,
+) -> None:
+    """Add the derivatives of the friction of a contact, along its direction ``d`` (contact, d_1,
+    d_2), by the multiplier of its gap to the block values ``out``.
+    """
+    k, d_1, d_2 = d
+    rows, coords, q = scalar.equations, scalar.coordinates, place.coordinates
+    r, first, second = group.row[k], group.along[k, 0], group.along[k, 1]
+    slot, own = rows.place[r, 1], -group.friction[k] * by_unknown(rows, factor, r)
+    for part in range(PARTS):
+        down = rows.force_block[r, 0, part]
+        if down > 0:
+            c = own * row_factor(coords, frames, factor, first, part)
+            for i in range(3):
+                along = d_1 * q.force[first, part, i] + d_2 * q.force[second, part, i]
+                out[down + 3 * i + slot] += c * along
+
+
+@optional()
+def add_to_matrix(
+    group: Sliding,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
+    frames: Frames,
+    dt2: float,
+    out: np.ndarray,
+) -> None:
+    """Add friction to the matrix ``out`` of the index-1 problem, of a step whose displacement by
+    acceleration is ``dt2``, after ``scalar.rates``.
+    """
+    assert scalar is not None
+    for k in range(group.row.size):
+        if group.friction[k] != 0.0:
+            d_1, d_2, _ = direction(group, k, *slip_of(group, k, place.rate))
+            add_columns(group, scalar, place, frames, -dt2, (k, d_1, d_2), out)
+
+
+@kernel
+def mean_direction(
+    group: Sliding, place: ScalarWorkspace, k: int, h: float
+) -> tuple[float, float, float]:
+    """Return d of contact ``k`` and |s| over a step ``h``."""
+    change = place.coordinates.change
+    return direction(group, k, change[group.along[k, 0]] / h, change[group.along[k, 1]] / h)
+
+
+@optional()
+def add_mean_loads(
+    group: Sliding,
+    scalar: ScalarConstraints,
+    place: ScalarWorkspace,
+    frames: Frames,
+    step: tuple[float, float],
+    Z: np.ndarray,
+) -> None:
+    """Add the friction over a ``step`` (h, dt2) by its multipliers in ``Z`` to the loads."""
+    h, dt2 = step
+    for k in range(group.row.size):
+        if group.friction[k] != 0.0:
+            d_1, d_2, _ = mean_direction(group, place, k, h)
+            N = multiplier(scalar.equations, frames, Z, dt2, group.row[k])
+            place.coordinates.load[group.along[k, 0]] -= group.friction[k] * N * d_1
+            place.coordinates.load[group.along[k, 1]] -= group.friction[k] * N * d_2
+
+
+@optional()
+def mean_jacobian(
+    group: Sliding,
+    scalar: ScalarConstraints,
+    place: ScalarWorkspace,
+    frames: Frames,
+    step: tuple[float, float],
+    Z: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Add the derivatives of ``add_mean_loads`` by the unknowns to the block values ``out``."""
+    h, dt2 = step
+    coords, q = scalar.coordinates, place.coordinates
+    for k in range(group.row.size):
+        if group.friction[k] == 0.0:
+            continue
+        d_1, d_2, speed = mean_direction(group, place, k, h)
+        add_columns(group, scalar, place, frames, -dt2, (k, d_1, d_2), out)
+        if speed == 0.0:
+            continue
+        first, second = group.along[k, 0], group.along[k, 1]
+        N = multiplier(scalar.equations, frames, Z, dt2, group.row[k])
+        force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
+        row_1, row_2 = rotation_row(group, k, d_1, d_2, q.change[first], q.change[second])
+        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
+        c = factors(coords, frames, -dt2, first, -group.friction[k] * N / (h * speed))
+        add_outer(out, coords.block, first, c, force, row)
+
+
+@optional()
+def mean_work(
+    group: Sliding,
+    scalar: ScalarConstraints,
+    place: ScalarWorkspace,
+    frames: Frames,
+    step: tuple[float, float],
+    Z: np.ndarray,
+    work: np.ndarray,
+) -> None:
+    """Add the work of friction over the solved ``step`` (h, dt2) to its columns of ``work`` [J]."""
+    h, dt2 = step
+    change = place.coordinates.change
+    for k in range(group.row.size):
+        if group.friction[k] != 0.0:
+            d_1, d_2, _ = mean_direction(group, place, k, h)
+            N = multiplier(scalar.equations, frames, Z, dt2, group.row[k])
+            along = d_1 * change[group.along[k, 0]] + d_2 * change[group.along[k, 1]]
+            work[group.column[k]] -= group.friction[k] * N * along
+
+
+def reaction_count(group: Sliding | None, joints: int) -> int:
+    """Return the rows of reactions: those of ``joints``, and one for each contact with friction."""
+    return joints if group is None else joints + group.row.size
