@@ -388,7 +388,7 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
         beside = ""
         tree = etree.fromstring(f"<parts>{part}</parts>")
         for element in [*tree.xpath("*[not(self::loads)]"), *tree.xpath("loads/*")]:
-            if element.tag in ("markers", "groups", "signals", "contacts"):
+            if element.tag in ("markers", "groups", "signals", "contacts", "events"):
                 beside += etree.tostring(element).decode()
             else:
                 groups[_group(str(element.tag))] += etree.tostring(element).decode()
