@@ -59,7 +59,7 @@ def test_a_capsule_that_meets_the_floor_at_an_angle(restitution):
     assert events[0][3:5] == pytest.approx((-speed, restitution * speed), abs=1e-12)
     impulse = (1.0 + restitution) * speed / (1.0 + arm**2 / J)
     assert events[0][5] == pytest.approx(impulse, rel=1e-12)
-    if restitution > 0.0:  # nothing turns it until it touches again
+    if restitution > 0.0:  # nothing rotates it on until it touches again
         assert sink.table("states")[-1, 11] == pytest.approx(impulse * arm / J, rel=1e-12)
 
 
