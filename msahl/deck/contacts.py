@@ -1,5 +1,6 @@
 """Reader of contacts: elements -> records."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
@@ -7,6 +8,7 @@ from itertools import product
 from msahl.algebra.vector import Vector, add
 from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
+from msahl.check.loads import UNIT_LENGTH
 from msahl.deck.ends import Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
 from msahl.deck.motions import UNIT
@@ -112,11 +114,16 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
 
 
 def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -> Vector:
-    """Return a unit vector of the parent's end, in the parent's axes."""
-    direction = side_direction(element, "parent", tag, reader) or (0.0, 0.0, 1.0)
-    if reader.is_known(ends.parent):
-        direction = reader.context.rotated(direction, INERTIAL, ends.parent)
-    return direction
+    """Return a unit vector of the parent's end, in the parent's axes; one that is given as such,
+    to the last digit.
+    """
+    direction = side_direction(element, "parent", tag, reader)
+    if direction is None or not reader.is_known(ends.parent):
+        return (0.0, 0.0, 1.0)
+    given = reader.vector(element.find(f"parent/{tag}"), own=ends.parent, wanted=ends.parent)
+    if abs(math.hypot(*given) - 1.0) <= UNIT_LENGTH:
+        return given
+    return reader.context.rotated(direction, INERTIAL, ends.parent)
 
 
 def _joint_limit(element: Element, reader: Reader) -> JointLimit:

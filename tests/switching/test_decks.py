@@ -55,7 +55,7 @@ FAULTS = {
         "<release>Trigger</release>",
         "<release>Triger</release>",
         "event 'Fire'",
-        "'Triger' is no joint, coupling, motion or rigid contact of this model; did you mean Trigger",
+        "'Triger' is no joint, coupling, motion or rigid contact of this model; did you mean",
     ),
     "unknown name": ("t &gt;= 0.2", "x &gt;= 0.2", "event 'Fire'", "unknown name 'x'"),
     "no condition": ("t &gt;= 0.2", "t", "event 'Fire'", "this is no condition"),
