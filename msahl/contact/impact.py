@@ -8,7 +8,8 @@ complete mechanism, joints included:
                 v+ = v_c + W L_e >= 0,    L_e >= e L_c, complementary   (expansion)
 
 With friction the impulses of each phase are in Coulomb's cone by the slip at its end
-(``contact.friction``), and v, W and L have the slips behind the gaps.
+(``contact.friction``), and v, W and L have the slips behind the gaps. Where poisson would gain
+energy so, e is reduced to where it gains none.
 
     stronge     of one contact, integrated in its normal impulse: while the slip s does not vanish,
                 ds/dL = (W_t n - mu W_t t s/|s|), then it sticks if mu allows, or slips on where it
@@ -27,7 +28,9 @@ from msahl.contact.stronge import impulse as of_one
 from msahl.model.contacts import NEWTON, STRONGE
 
 ROUND_OFF = 1e-13
-"""Impulse, relative to the largest one of the same impact, that is none."""
+"""Impulse, relative to the largest one of the same impact, that is none; likewise of energy."""
+BISECTIONS = 40
+"""Steps to the coefficients of restitution by which an impact gains no energy."""
 
 
 def impulses(
@@ -68,9 +71,31 @@ def _with_friction(
     if law == NEWTON:
         right[n] += e * np.minimum(v[n], 0.0)
         return friction.solve(W, right, cones)
-    compression = friction.solve(W, v, cones)
-    again = cones._replace(least=e * compression[n])
-    return compression + friction.solve(W, v + W @ compression, again)
+    return _poisson(W, v, e, cones)
+
+
+def _poisson(W: np.ndarray, v: np.ndarray, e: np.ndarray, cones: Cones) -> np.ndarray:
+    """Return the impulses (m,) by Poisson's law. Where friction would make it gain energy, all
+    coefficients of restitution are reduced to those by which it gains none.
+    """
+    compression, share = friction.solve(W, v, cones), np.array([0.0, 1.0])
+    after, least = v + W @ compression, e * compression[cones.normal]
+    total = compression + friction.solve(W, after, cones._replace(least=least))
+    if _gain(W, v, total) <= ROUND_OFF * float(np.abs(total * v).sum()):
+        return total
+    best = compression
+    for _ in range(BISECTIONS):
+        middle = float(share.mean())
+        found = friction.solve(W, after, cones._replace(least=middle * least))
+        gains = _gain(W, v, compression + found) > 0.0
+        share[int(gains)] = middle
+        best = best if gains else compression + found
+    return best
+
+
+def _gain(W: np.ndarray, v: np.ndarray, impulse: np.ndarray) -> float:
+    """Return the kinetic energy that an impulse (m,) adds at the rates ``v`` (m,)."""
+    return float(impulse @ (v + 0.5 * (W @ impulse)))
 
 
 def _clean(impulse: np.ndarray) -> np.ndarray:

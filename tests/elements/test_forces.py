@@ -300,7 +300,9 @@ def elastic_of(workspace):
 def test_there_is_a_load_of_every_kind():
     assert {type(load) for load in PENDULUM.values()} == set(get_args(Load))
     groups = build_system(pendulum(PENDULUM.values())).forces
-    empty = [kind for kind, group in groups._asdict().items() if not len(group[0])]
+    loads = groups._asdict()
+    del loads["sliding"]  # contacts with friction
+    empty = [kind for kind, group in loads.items() if not len(group[0])]
     assert empty == []
 
 
