@@ -34,9 +34,9 @@ Why:
   formulas of order 4 to 6 need few steps.
 - The suspension and the squeezer are trees of few coordinates in MuJoCo, too, with two and three
   loops, and move smoothly.
-- The net has more equations of loops than msahl solves in joint coordinates. All s stages of a gauss
-  step are solved at once, and the work of their factorisation grows with the third power of s;
-  MuJoCo factors the mass matrix of a tree.
+- The net has more equations of loops than msahl solves in joint coordinates. All s stages of a
+  gauss step are solved at once, and the work of their factorisation grows with the third power of
+  s; MuJoCo factors the mass matrix of a tree.
 - Where MuJoCo closes loops its constraints are soft, and its motion is of order 2 in the step,
   whatever the integrator. Drake's discrete solver has order 1."""
 

@@ -112,8 +112,9 @@ class CollocationMethod:
         stages, tree = self.subsystem.stages, self.subsystem.tree
         if tree is None:
             return (stages,)
+        slopes = (tree.slopes.by_rate, tree.slopes.by_place)
         unknowns = () if tree.loops is None else (tree.loops.last_y,)
-        return (stages, tree.last_rates, tree.figures, *unknowns)
+        return (stages, tree.last_rates, tree.figures, *slopes, *unknowns)
 
     @property
     def counters(self) -> dict[str, Any]:
