@@ -53,8 +53,12 @@ GAINED = 1e-10
 """Energy that an impact adds, over what its impulses move, that is no round-off."""
 STILL = 1e-12
 """Rate of a gap or slip, over the largest speed so far, that is zero but for round-off."""
-END = 1e-9
-"""Slip at the event that ends it, over the largest speed, that is zero."""
+END = 1e-6
+"""Slip at the event that ends it, over the largest speed, that is zero: where its direction changes
+faster than steps resolve. The way that is left goes by its square."""
+USED = 1e-6
+"""Share of the grip that is none, where that of another contact is used up: those of an edge slip
+together."""
 SLIPS = 1e-9
 """Acceleration of a slip, over the largest one, that is not zero; likewise of a force at the edge
 of its cone."""
@@ -442,9 +446,10 @@ class ContactModes:
         length = np.hypot(*slip.T)
         still, broken = rough & (length == 0.0), np.zeros(count, dtype=bool)
         toward = np.divide(slip, length[:, None], where=length[:, None] > 0.0, out=slip * np.nan)
-        if cause.slips >= 0 and still[cause.slips]:
-            broken[cause.slips] = True
-            toward[cause.slips] = self._impending(response, cause.slips)
+        if cause.slips >= 0:
+            for k in map(int, np.flatnonzero(still)):
+                if k == cause.slips or self._grip_left(response, k) <= USED:
+                    broken[k], toward[k] = True, self._impending(response, k)
         while True:
             cones = self._cones(response, still & ~broken, grips=True)
             assert cones is not None
@@ -464,12 +469,22 @@ class ContactModes:
                 toward[begins] = a[t[begins]] / moves[begins, None]
                 return force, sticks & ~slips, toward
 
-    def _impending(self, response: Response, k: int) -> np.ndarray:
-        """Return the direction (2,) in which contact ``k`` begins to slip: against its force."""
+    def _held_by(self, response: Response, k: int) -> tuple[np.ndarray, float]:
+        """Return the force (2,) that holds contact ``k``, and the largest one that can."""
         group = self.system.forces.sliding
         assert group is not None
         own = self.contacts.sliding[response.which[k]]
-        T = self.state.reaction[group.reaction[own], 1:3]
+        N, *T = self.state.reaction[group.reaction[own], :3]
+        return np.array(T), float(group.grip[own] * N)
+
+    def _grip_left(self, response: Response, k: int) -> float:
+        """Return the share of the grip of contact ``k`` that is not used."""
+        T, most = self._held_by(response, k)
+        return 1.0 - float(np.hypot(*T)) / most if most > 0.0 else math.inf
+
+    def _impending(self, response: Response, k: int) -> np.ndarray:
+        """Return the direction (2,) in which contact ``k`` begins to slip: against its force."""
+        T, _ = self._held_by(response, k)
         return -T / float(np.hypot(*T))
 
     def _solve_forces(

@@ -72,7 +72,7 @@ def respond(
         group = system.forces.sliding
         assert group is not None
         set_sticking(system, np.isin(group.tangent[:, 0], row), nothing)
-    values = jacobian_at_rest(system, state, work_arrays)
+    values = _without_relaxation(system, jacobian_at_rest(system, state, work_arrays))
     rows, nodes = system.scalar.equations, node_count(system)
     motion, gradient = np.zeros((2, row.size, nodes, 3))
     scale = sign / rows.scale[row]
@@ -100,6 +100,20 @@ def _directions(
         sign = np.concatenate([sign, np.ones(2 * rough.size)])
         column = np.concatenate([column, np.repeat(column[rough], 2)])
     return row, sign, tangent, column
+
+
+def _without_relaxation(system: System, values: np.ndarray) -> np.ndarray:
+    """Return the block ``values`` with joints that are not relaxed: impulses of contacts tell
+    directions along which bodies hardly move from those along which they cannot.
+    """
+    if not system.relaxation:
+        return values
+    row, column = system.blocks.T
+    own = np.flatnonzero((row == column) & (row >= first_multiplier(system.frames)))
+    exact = values.copy()
+    for i in range(3):
+        exact[9 * own + 4 * i] += system.relaxation
+    return exact
 
 
 def _lines(

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import IDENTITY, ZERO, Vector, sub
-from msahl.elements.signals.group import use_reactions
+from msahl.elements.signals.group import Signals, use_reactions
 from msahl.formulations.absolute.frames import FramesWorkspace
 from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT, Tree
 from msahl.joints.joint import CHILD, PARENT, TreeAxis, X, Y, Z
@@ -144,8 +144,17 @@ def _excluded(model: Model, system: System) -> str:
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
         (pressed_by_reactions(system.forces) is not None, "friction depends on reactions"),
         (use_reactions(signals), "expressions depend on reactions"),
+        (_states_switch(signals), "states beside switches take fewer steps in absolute ones"),
     )
     return next((reason for found, reason in reasons if found), "")
+
+
+def _states_switch(signals: Signals | None) -> bool:
+    """Return whether there are auxiliary states, and expressions that are not smooth: where states
+    have no solution beyond a switch, steps in joint coordinates are left to absolute ones, one by
+    one.
+    """
+    return signals is not None and signals.rate.size > 0 and signals.tape.held.size > 0
 
 
 def _branches(model: Model) -> list[Branch]:

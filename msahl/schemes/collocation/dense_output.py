@@ -53,7 +53,7 @@ from msahl.formulations.absolute.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.schemes.collocation.tableau import at_radau_nodes, radau_nodes
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
@@ -288,8 +288,10 @@ def fit(output: DenseOutput, instant: Instant, growth: float) -> None:
                 set_basis_weights(output, level - 1, output.nodes[level, m])
                 interpolate(output, h, output.nodes[level, m])
             save_accelerations(output, instant, h, m)
+        off, second = _largest_defect(output, level, count)
+        if off == math.inf:
+            return  # auxiliary states may have no solution where they switch
         if growth < EVERY:
-            off, second = _largest_defect(output, level, count)
             if off > growth * (second if level == 0 else before) and off > BLUR * _size(output):
                 return
             before = off
@@ -312,7 +314,9 @@ def _largest_defect(output: DenseOutput, level: int, count: int) -> tuple[float,
                     node, lever = rotation_node(frames, b), frames.length[b]
                 second = scale(lever, _sum(curve, output.value, node))
                 other = sub(scale(lever, at(output.inner[m], node)), second)
-                off = max(off, math.sqrt(dot(other, other)))
+                size = math.sqrt(dot(other, other))
+                # Written so that a nan counts: see ``fit``.
+                off = max(off, size) if size < math.inf else math.inf
                 largest = max(largest, math.sqrt(dot(second, second)))
     return off, largest
 
@@ -510,6 +514,7 @@ def _add_work(output: DenseOutput, instant: Instant, dt: float) -> None:
     )
     frames = system.frames
     forces.add_power(system.forces, start.forces, system.scalar, state.reaction, dt, state.work)
+    sliding.add_power(system.forces.sliding, start.scalar, state.reaction, dt, state.work)
     scalar.motion_work(system.scalar, frames, state.time[0], dt, instant.solution, state.work)
     beams.add_power(system.beams, start.beams, start.frames, dt, state.work)
 

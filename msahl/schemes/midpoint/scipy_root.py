@@ -56,7 +56,7 @@ class Equations(StepEquations):
             z -= np.linalg.solve(A, f)
             f = self.residual(z)
         multipliers = self.workspace.unknowns.free[is_multiplier]
-        violation = np.linalg.solve(A, f)[-multipliers.size :]
+        violation = np.linalg.solve(A, f)[z.size - multipliers.size :]
         self.workspace.F.reshape(-1)[multipliers] += relaxation * violation
 
     def accept(self, z: np.ndarray) -> None:
