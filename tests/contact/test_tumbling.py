@@ -44,8 +44,8 @@ def model_of(tmp_path, **parts):
 
 @pytest.mark.parametrize("scheme", ["gauss3", "preserving"])
 def test_a_box_tumbles_and_comes_to_rest_on_a_face(tmp_path, scheme):
-    """Between its impacts it flies without multipliers, slips of an edge change direction fast as they end, and
-    both ends of an edge begin to slip at once.
+    """Between its impacts it flies without multipliers, slips of an edge change direction fast as
+    they end, and both ends of an edge begin to slip at once.
     """
     model = model_of(tmp_path, bodies=BOX, contacts=CORNERS)
     report, sink, events = run_events(model, scheme)
