@@ -38,6 +38,7 @@ from msahl.post.summary import (
     body_table,
     constraints_table,
     energy_table,
+    events_table,
     loads_table,
     no_work_note,
     partial_note,
@@ -64,7 +65,8 @@ CAPTIONS = {
 NUMBERS, ROWS = 300_000, 1 << 14
 """Most numbers and rows of a run that the viewer gets."""
 GLANCE = (
-    *("bodies", "joints", "couplings", "motions", "loads", "degrees of freedom"),
+    *("bodies", "joints", "couplings", "motions", "contacts", "events", "loads"),
+    "degrees of freedom",
     *("scheme, solver", "step size dt [s]", "output times", "time loop [s]"),
 )
 """Facts that stand beside the motion."""
@@ -180,6 +182,7 @@ def build_report(run: Run, metrics: Metrics, viewer: bool = True) -> list[Block]
         Heading(2, "Time histories"),
         *_thinning_note(run),
         Graphs(title, tuple(groups(run, metrics, HISTORIES))),
+        *_events(run),
         Heading(2, "Paths"),
         OnPage(wrap("div", *map(part_of, paths), class_="pictures"), tuple(paths)),
         Heading(2, "Accuracy"),
@@ -254,6 +257,17 @@ def _thinning_note(run: Run) -> list[Block]:
         "zoom, double-click to see all."
     )
     return [OnPage(Part(element("p", text, class_="note")))]
+
+
+def _events(run: Run) -> list[Block]:
+    """Return what happened to contacts, and by events of the deck."""
+    count = 0 if run.events is None else len(run.events)
+    if not count:
+        return []
+    table, note = events_table(run), []
+    if count > len(table.rows):
+        note = [Paragraph(f"The first {len(table.rows)} of {count}; all are in events.csv.")]
+    return [Heading(2, "Contacts and events"), *note, table]
 
 
 def _accuracy(run: Run) -> list[Block]:
@@ -342,7 +356,7 @@ def _facts(run: Run) -> dict[str, str]:
     deck, options, seconds = (info.get(key, {}) for key in ("deck", "options", "seconds"))
     versions = ("msahl", "python", "numpy", "scipy", "numba")
     thinned = f" (one of {run.every} steps)" if run.every > 1 else ""
-    counts = ("bodies", "joints", "couplings", "motions", "loads")
+    counts = ("bodies", "joints", "couplings", "motions", "contacts", "events", "loads")
     facts = {
         "deck": deck.get("path"),
         "SHA-256 of the deck": deck.get("digest"),

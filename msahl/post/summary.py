@@ -170,6 +170,31 @@ def body_table(energy: Energy) -> Table:
     return Table(columns, tuple(rows))
 
 
+MOST_EVENTS = 50
+"""Most events that a report lists."""
+
+
+def events_table(run: Run) -> Table:
+    """Return a table of what happened to contacts, and by events of the deck: the first ones."""
+    columns = (
+        Column("time", "time [s]", form=".9g"),
+        Column("kind", "kind"),
+        Column("element", "element"),
+        Column("gapSpeedBefore", "gap's speed before", form=".4g"),
+        Column("gapSpeedAfter", "after", form=".4g"),
+        Column("impulse", "impulse", form=".4g"),
+        Column("frictionImpulse", "of friction", form=".4g"),
+        Column("energyLost", "energy lost [J]", form=".4g"),
+        Column("event", "event"),
+        Column("message", "message"),
+    )
+    if run.events is None:
+        return Table(columns, ())
+    shown = run.events[[column.key for column in columns]].head(MOST_EVENTS)
+    table = Table(columns, tuple(shown.itertuples(index=False, name=None)))
+    return table if run.model.events else table.without("event").without("message")
+
+
 def no_work_note(run: Run) -> str:
     """Say why a run has no virtual work; empty if every step's mean reactions were written."""
     if run.has_means:

@@ -10,7 +10,12 @@ from msahl.cli.main import main as msahl
 from msahl.post.cli import main as msahl_post
 from msahl.post.metrics import compute_metrics
 from msahl.post.run_report import build_report
-from msahl.post.summary import constraints_table, energy_table, reactions_table
+from msahl.post.summary import (
+    constraints_table,
+    energy_table,
+    events_table,
+    reactions_table,
+)
 from msahl.results.read import read_run
 
 DECKS = Path(__file__).parents[2] / "decks"
@@ -115,6 +120,22 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
     text = str([block for block in build_report(run, metrics) if not hasattr(block, "png")])
     assert "1 by rank, 0 by count" in text
     assert "redundant" in text
+
+
+@pytest.mark.parametrize(
+    ("deck", "found"),
+    [
+        ("contact/trebuchet", ["releases", "Sling", "LetGo", "the stone flies"]),
+        ("contact/bouncing_ball", ["impact", "Floor", "The first 50 of"]),
+    ],
+)
+def test_the_report_lists_contacts_and_events(run_of, deck, found):
+    run = run_of(deck)
+    text = "".join(str(block) for block in build_report(run, compute_metrics(run), viewer=False))
+    assert all(word in text for word in ["Contacts and events", *found])
+    table = events_table(run)
+    assert [row[0] for row in table.rows] == run.events["time"].tolist()[: len(table.rows)]
+    assert ("message" in [c.key for c in table.columns]) == bool(run.model.events)
 
 
 ALWAYS = ("path", "positions", "error", "energy")
