@@ -27,11 +27,11 @@ WHY = """\
 Why:
 
 - An error of 1e-3 m takes a few dozen steps. A step of MuJoCo's RK4 evaluates four accelerations
-  of few coordinates, without iterations; a step of gauss evaluates all its nodes three to fifteen
+  of few coordinates, without iterations; a step of gauss evaluates all its nodes three to ten
   times, the loads of elements one node after the other.
 - The robot is an open tree of few coordinates for all programs. Its dampers are stiff for the small
-  wrist and its motion is smooth: long steps of gauss take ten iterations and more, where explicit
-  formulas of order 4 to 6 need few steps.
+  wrist, so long steps of gauss are solved in redundant coordinates, 66 unknowns. Its motion is
+  smooth: explicit formulas of order 4 to 6 need few steps.
 - The suspension and the squeezer are trees of few coordinates in MuJoCo, too, with two and three
   loops, and move smoothly.
 - The net has more equations of loops than msahl solves in joint coordinates. All s stages of a

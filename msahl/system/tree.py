@@ -28,7 +28,7 @@ from msahl.formulations.tree.table import ALIGN_AXES, ALIGN_FRAMES, NO_ALIGNMENT
 from msahl.joints.joint import CHILD, PARENT, TreeAxis, X, Y, Z
 from msahl.joints.registry import KINDS
 from msahl.model import Joint, Model, RigidBody
-from msahl.ports.forces import Forces, coordinates_of, pressed_by_reactions
+from msahl.ports.forces import Forces, pressed_by_reactions
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.collect import frame_index
 from msahl.system.cut import Cut, build_cut
@@ -39,9 +39,6 @@ work: by timings of planar chains, at about 70 bodies."""
 MOST_EQUATIONS = 36
 """Equations of cut joints from which absolute coordinates take less work, as these are solved as a
 dense system: by timings of nets, at 40 to 50."""
-MOST_MORE, SMALL = 4.0, 1000.0
-"""How much more work the factors may take for entries between branches, and how much is no matter:
-a tenth of what a step takes in all."""
 REACH, REACH_ACROSS = 1.5, 1.0
 """Largest rotation about a hinge within a step [rad]: below the range of ``lanes.half_angle``; and
 about the second one of a ball, whose three axes are in a plane at a right angle."""
@@ -355,8 +352,7 @@ def _finish(
     own = [of_frame[int(f)] for f in columns["frame"][1:]]
     body = np.array([b for b, *_ in coordinates], dtype=np.int64)
     slides = np.array([s for _, s, *_ in coordinates], dtype=bool)
-    precedes = _precedes(columns["parent"], columns["first"])
-    before, depth = _pattern(precedes, body, _coupled(system, columns["frame"]))
+    before, depth = _paths(columns["parent"], columns["first"])
     reach = np.where(slides, np.inf, REACH)
     reach[columns["ball"][columns["ball"] >= 0] + 1] = REACH_ACROSS
     return Tree(
@@ -372,7 +368,6 @@ def _finish(
         slides=slides,
         axis_frame=np.array([f for *_, f, _ in coordinates], dtype=np.int64),
         axis=np.array([axis for *_, axis in coordinates], dtype=float).reshape(-1, 3),
-        precedes=precedes,
         before=before,
         row=np.append(0, np.cumsum(depth)).astype(np.int64),
         length=np.where(slides, 1.0, frames.length[columns["frame"][body]]),
@@ -380,59 +375,16 @@ def _finish(
     )
 
 
-def _precedes(parent: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Return (n, b+1) whether a coordinate is on the path from the ground to a body."""
-    found = np.zeros((int(first[-1]), parent.size), dtype=bool)
+def _paths(parent: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for each coordinate, the one before it, and how many there are up to it."""
+    last = [-1]  # coordinate of each body's path that is farthest from the ground
+    before: list[int] = []
+    depth: list[int] = []
     for b in range(1, parent.size):
-        found[:, b] = found[:, parent[b]]
-        found[first[b] : first[b + 1], b] = True
-    return found
-
-
-def _coupled(system: System, frame: np.ndarray) -> set[tuple[int, int]]:
-    """Return the pairs of bodies, by number in the tree, between which loads act."""
-    if system.scalar is None:
-        return set()
-    group, number = system.scalar.coordinates, {int(f): b for b, f in enumerate(frame)}
-    found: set[tuple[int, int]] = set()
-    for q in coordinates_of(system.forces):
-        parts = slice(group.first[q], group.first[q + 1])
-        of_frames = (group.products.a[parts], group.products.b[parts])
-        bodies = {number[int(f)] for f in np.concatenate(of_frames)}
-        found.update(itertools.combinations(sorted(bodies), 2))
-    return found
-
-
-def _pattern(
-    precedes: np.ndarray, body: np.ndarray, coupled: set[tuple[int, int]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for each coordinate, the one before it in the rows of factors, and the length of its
-    row: by the paths and, where that is not much more, by the loads between ``coupled`` bodies.
-    """
-    paths = _chains(precedes, [(b, b) for b in set(body.tolist())])
-    merged = _chains(precedes, [*((b, b) for b in set(body.tolist())), *coupled])
-    work = [float(np.sum(depth * depth)) for _, depth in (paths, merged)]
-    return merged if work[1] <= max(MOST_MORE * work[0], SMALL) else paths
-
-
-def _chains(precedes: np.ndarray, pairs: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the one before each coordinate and the lengths of their rows, if coordinates on the
-    paths to both bodies of each of the ``pairs`` have an entry: elimination of a coordinate joins
-    all those before it.
-    """
-    n = len(precedes)
-    rows: list[set[int]] = [set() for _ in range(n)]
-    for pair in pairs:
-        here, there = (np.flatnonzero(precedes[:, b]).tolist() for b in pair)
-        for k, j in itertools.product(here, there):
-            rows[max(k, j)].add(min(k, j))
-    before = np.full(n, -1)
-    for k in range(n - 1, -1, -1):
-        others = rows[k] - {k}
-        if others:
-            before[k] = max(others)
-            rows[before[k]] |= others
-    depth = np.ones(n, dtype=np.int64)
-    for k in range(n):
-        depth[k] += depth[before[k]] if before[k] >= 0 else 0
-    return before, depth
+        k = last[parent[b]]
+        for own in range(first[b], first[b + 1]):
+            before.append(k)
+            depth.append(1 + (depth[k] if k >= 0 else 0))
+            k = own
+        last.append(k)
+    return np.array(before, dtype=np.int64), np.array(depth, dtype=np.int64)

@@ -2,6 +2,7 @@
 
 import csv
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from msahl.laws.contact import CONTACT
 from msahl.laws.restitution import damping_of
 from msahl.model import Compliance, DistanceLimit, Joint, JointLimit, PlaneContact
 from tests.contact.models import run_events
-from tests.support.models import GROUND, ROOT, body, build_model
+from tests.support.models import GROUND, body, build_model
 
 HERTZ = Compliance(1e8, 1.5)
 DURATION, LARGEST = 0.00203046203682776, 1811.94915919424
@@ -195,7 +196,7 @@ def test_a_rope_that_gives_way_is_a_spring_while_it_is_taut():
 
 def resting_deck(tmp_path):
     """The deck of Hertz's impact with gravity, at rest with a depth that is too large."""
-    text = (ROOT / "decks" / "contact" / "hertz_impact.xml").read_text()
+    text = (Path(__file__).parent / "hertz_impact.xml").read_text()
     for old, new in (
         ("<bodies>", "<gravity><g3>-9.81</g3></gravity><bodies>"),
         ("<v3>-1</v3>", "<v3>0</v3>"),
@@ -232,7 +233,7 @@ def rows_of(path):
 
 
 def test_gradients_refuse_compliant_contacts(tmp_path):
-    text = (ROOT / "decks" / "contact" / "hertz_impact.xml").read_text()
+    text = (Path(__file__).parent / "hertz_impact.xml").read_text()
     text = text.replace(
         "<system>", '<parameters><parameter name="k">1e8</parameter></parameters><system>'
     )

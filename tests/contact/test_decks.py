@@ -53,7 +53,6 @@ def test_records_are_those_of_the_deck():
         "bouncing_ball",
         "slack_rope",
         "pendulum_at_a_wall",
-        "hertz_impact",
         "buffers",
         "billiard",
         "trough",

@@ -4,8 +4,7 @@
 
 for q_j before q_k on the path from the ground; all other entries are zero. M = L^T D L with an L of
 the same pattern, so nothing fills in. The row of a coordinate has its own entry first, then those
-of the coordinates before it, the nearest first. Where stiff loads act between branches the pattern
-has more entries than paths have (``tree.slopes``).
+of the coordinates before it, the nearest first.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), sections 6.2 and 8.
 """
@@ -32,13 +31,6 @@ from msahl.jit.lanes import load, spread, store
 @unit
 def set_factors(tree: Tree, motion: TreeMotion) -> None:
     """Set ``motion.mass`` to the factors of the mass matrix, after ``set_places``."""
-    set_matrix(tree, motion)
-    factor(tree, motion.mass)
-
-
-@unit
-def set_matrix(tree: Tree, motion: TreeMotion) -> None:
-    """Set ``motion.mass`` to the mass matrix itself."""
     for b in range(1, tree.frame.size):
         _set_inertia(tree, motion, b)
     for b in range(tree.frame.size - 1, 0, -1):
@@ -51,6 +43,7 @@ def set_matrix(tree: Tree, motion: TreeMotion) -> None:
                     row,
                     load(motion.composite, row) + load(motion.composite, 10 * b + i),
                 )
+    _factor(tree, motion.mass)
 
 
 @kernel
@@ -88,16 +81,13 @@ def _enter(tree: Tree, motion: TreeMotion, b: int) -> None:
         P = difference(multiple(m, s), cross(first, a))
         j = k
         for entry in range(tree.row[k], tree.row[k + 1]):
-            if tree.precedes[j, b]:
-                a, s = vector_at(motion.screw, 6 * j), vector_at(motion.screw, 6 * j + 3)
-                store(motion.mass, entry, dot(a, L) + dot(s, P))
-            else:
-                store(motion.mass, entry, spread(0.0))
+            a, s = vector_at(motion.screw, 6 * j), vector_at(motion.screw, 6 * j + 3)
+            store(motion.mass, entry, dot(a, L) + dot(s, P))
             j = tree.before[j]
 
 
 @kernel
-def factor(tree: Tree, M: np.ndarray) -> None:
+def _factor(tree: Tree, M: np.ndarray) -> None:
     """Replace the entries by those of the factors: 1/D on the diagonal, L beside it."""
     for k in range(tree.body.size - 1, -1, -1):
         inverse = 1.0 / load(M, tree.row[k])

@@ -112,9 +112,8 @@ class CollocationMethod:
         stages, tree = self.subsystem.stages, self.subsystem.tree
         if tree is None:
             return (stages,)
-        slopes = (tree.slopes.by_rate, tree.slopes.by_place)
         unknowns = () if tree.loops is None else (tree.loops.last_y,)
-        return (stages, tree.last_rates, tree.figures, *slopes, *unknowns)
+        return (stages, tree.last_rates, tree.figures, *unknowns)
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -459,9 +458,9 @@ def work_in_tree(tree: TreeStages, degree: int, iterations: float, steps: float)
     """Work of steps in joint coordinates, in the same unit. All nodes are evaluated at once, so it
     does not depend on the degree but for what elements evaluate node by node: loads, and the
     equations of cut joints, whose factors are those of a small matrix. By timings of pendulums, a
-    pendulum on a spring, a robot, a four-bar and a slider-crank.
+    slide on a spring, a four-bar and a slider-crank.
     """
-    each = 0.12 if tree.tree.bare else 0.15 + 0.12 * degree
+    each = 0.12 if tree.tree.bare else 0.12 + 0.26 * degree
     if tree.loops is not None:
         each += 0.2 + 0.1 * degree
     return each * iterations + 0.6 * steps

@@ -15,37 +15,21 @@ from msahl.jit.kernel import optional
 from msahl.jit.lanes import LANES
 from msahl.schemes.collocation.tableau import Halves, Tableau, lagrange
 from msahl.schemes.collocation.tree import loop_stages
-from msahl.schemes.collocation.tree.acceleration import History, new_history
 from msahl.schemes.collocation.tree.loop_stages import LoopStages, new_loop_stages
-from msahl.schemes.collocation.tree.slopes import LoadSlopes, new_slopes
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
-from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.cut import Cut
-from msahl.system.reductions import loads_alone
 
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
-FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE, IDLE, FLOOR = range(10)
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE = range(8)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
 steps to be left to Newton's method now, and after the next step that is not solved; iterations and
 steps in this form so far; ratio of the second to the first correction, and the size of the step in
-which it was measured [s]; 1 if the next step is to be in absolute coordinates; steps for which
-slopes of the loads stay as they are; the last correction that was round-off."""
+which it was measured [s]; 1 if the next step is to be in absolute coordinates."""
 MIXED = 8.0
 """Growth of the rest after a pair whose steps were not all of one form, of which only the long one
 did not converge."""
-
-
-class LoadNode(NamedTuple):
-    """What the loads at one node need of its motion: no joints, no constraint equations."""
-
-    system: System  # see ``reductions.loads_alone``
-    coordinate: np.ndarray  # (q,) number in the complete system of each of its coordinates
-    state: State
-    start: SystemWorkspace
-    still: np.ndarray  # (nodes, 3) zero increments
-    accelerations: np.ndarray  # (nodes, 3) by the loads [m/s^2]
 
 
 class TreeStages(NamedTuple):
@@ -53,10 +37,7 @@ class TreeStages(NamedTuple):
 
     tree: Tree
     motion: TreeMotion
-    node: LoadNode
-    slopes: LoadSlopes
     loops: LoopStages | None  # of closed loops; None: no code for them
-    history: History
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
     last_rates: np.ndarray  # (s + 1, n) of the step to follow
@@ -64,7 +45,7 @@ class TreeStages(NamedTuple):
     half_form: np.ndarray  # (2,) ``FROM_TREE`` after each of them
     forms: np.ndarray  # (chunk,) ``FROM_TREE`` after each step of the present chunk
     given: np.ndarray  # (chunk,) 0 where a step of the chunk is to be in absolute coordinates
-    figures: np.ndarray  # (10,) see above
+    figures: np.ndarray  # (8,) see above
 
 
 def new_tree_stages(
@@ -77,14 +58,10 @@ def new_tree_stages(
     c, motion = tableau.force_time, new_motion(tree)
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
-    load_node = _new_load_node(system, workspace.state)
     return TreeStages(
         tree=tree,
         motion=motion,
-        node=load_node,
-        slopes=new_slopes(tree, load_node.system, s),
         loops=cut and new_loop_stages(cut, tree, system, tableau),
-        history=new_history(n),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
         last_rates=np.zeros((s + 1, n)),
@@ -92,23 +69,14 @@ def new_tree_stages(
         half_form=np.zeros(2),
         forms=np.zeros(chunk),
         given=np.ones(chunk),
-        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)),
+        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0)),
     )
-
-
-def _new_load_node(system: System, state: State) -> LoadNode:
-    """Return the arrays of one node, in a ``state`` of the complete system."""
-    alone, coordinate = loads_alone(system)
-    own = State(*(array.copy() for array in state))._replace(angle=np.zeros(coordinate.size))
-    still, accelerations = np.zeros((2, node_count(alone), 3))
-    start = new_system_workspace(alone, own)
-    return LoadNode(alone, coordinate, own, start, still, accelerations)
 
 
 @optional()
 def forget(tree: TreeStages) -> None:
     """Solve the next step in this form, without what earlier steps have shown."""
-    for place in (FROM_TREE, RESTING, IDLE, FLOOR):
+    for place in (FROM_TREE, RESTING):
         tree.figures[place] = 0.0
     for place in (REST, CONTRACTION, SIZE):
         tree.figures[place] = 1.0
