@@ -1,7 +1,7 @@
 """Records of events: what is released and engaged when conditions of the motion become true.
 
-A released joint, coupling, motion or contact does not act: its constraint equations are none of the
-system's until an event engages it.
+A released joint, coupling, motion or contact does not act: the system has no constraint equations
+of it until an event engages it.
 """
 
 from msahl.expressions.syntax import Tree
