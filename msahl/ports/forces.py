@@ -242,6 +242,7 @@ def add_power(
         return
     coordinate.add_power(forces.along, forces.laws, start.place, reaction, dt, work)
     actuator.add_power(forces.actuator, start.signals, start.place, dt, work)
+    sliding.add_power(forces.sliding, start.place, reaction, dt, work)
 
 
 @kernel

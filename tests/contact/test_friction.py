@@ -342,3 +342,18 @@ def test_point_sticks_on_a_plane_that_moves():
     _, sink, events = run_events(model, "gauss2", 0.05, 1.0)
     assert [event[1] for event in events] == ["closes", "sticks"]
     assert sink.table("states")[-1, [1, 13]] == pytest.approx([0.5, 0.5], abs=1e-12)
+
+
+def test_friction_works_between_steps_as_well():
+    """At output times between the steps of ``auto`` the kinetic energy is that at the start and the
+    work of friction, which is interpolated: to the tolerance.
+    """
+    model = deck("sliding_sphere")
+    _, sink, _ = run_events(model, "auto", tolerance=1e-6)
+    (sphere,) = model.bodies
+    states, work = sink.table("states")[:, 1:], sink.table("work")[:, 1:]
+    v, w = states[:, 6:9], states[:, 9:12]
+    kinetic = 0.5 * sphere.mass * (v**2).sum(axis=1)
+    kinetic += 0.5 * sphere.inertia[0][0] * (w**2).sum(axis=1)
+    assert work[-1].sum() == pytest.approx(-0.571428571428571, abs=1e-6)
+    np.testing.assert_allclose(kinetic, kinetic[0] + work.sum(axis=1), rtol=0.0, atol=1e-6)

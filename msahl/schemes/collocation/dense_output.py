@@ -53,7 +53,7 @@ from msahl.formulations.absolute.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.ports import forces, sliding
+from msahl.ports import forces
 from msahl.schemes.collocation.tableau import at_radau_nodes, radau_nodes
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
@@ -514,7 +514,6 @@ def _add_work(output: DenseOutput, instant: Instant, dt: float) -> None:
     )
     frames = system.frames
     forces.add_power(system.forces, start.forces, system.scalar, state.reaction, dt, state.work)
-    sliding.add_power(system.forces.sliding, start.scalar, state.reaction, dt, state.work)
     scalar.motion_work(system.scalar, frames, state.time[0], dt, instant.solution, state.work)
     beams.add_power(system.beams, start.beams, start.frames, dt, state.work)
 

@@ -252,7 +252,6 @@ def set_force_accelerations(system: System, stages: StageArrays, h: float, i: in
     sliding.add_loads(system.forces.sliding, node.scalar, reaction)
     forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
     forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
-    sliding.add_power(system.forces.sliding, node.scalar, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
     instant.add_power(system.beams, node.beams, node.frames, dt, stages.work)
     beams.set_multipliers(system.beams, frames, h, Z, stages.at_rest)
