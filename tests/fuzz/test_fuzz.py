@@ -4,6 +4,7 @@
 asked to.
 """
 
+import csv
 import json
 import math
 import os
@@ -18,12 +19,14 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from msahl.cli.main import main
+from msahl.contact.events import WORDS
 from msahl.deck import DeckError, read_deck
 from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults
 from msahl.deck.parse import parse
 from msahl.deck.schema import built, objection, schema_bytes
 from msahl.post.cli import main as post
+from msahl.run.tables import EVENTS
 from tests.fuzz.guard import call, guarded
 from tests.fuzz.strategies import NUMBERS, files, gentle_mutants, models, mutants, trees
 from tests.support.models import ROOT
@@ -101,13 +104,16 @@ class Example:
         return None
 
     def rows_are_numbers(self, run: Path) -> None:
-        """Every cell of every table is a finite number, in rows of one length."""
+        """Every cell of every table is a finite number, but for the words of events, in rows of one
+        length.
+        """
         for table in run.glob("*.csv*"):
-            header, *rows = table.read_text().splitlines()
+            header, *rows = csv.reader(table.read_text().splitlines())
+            words = WORDS if table.name.startswith(EVENTS) else ()
             for row in rows:
-                cells = [float(cell) for cell in row.split(",")]
-                assert len(cells) == len(header.split(",")), table
-                assert all(map(math.isfinite, cells)), (table, row[:200])
+                pairs = dict(zip(header, row, strict=True))
+                cells = [float(cell) for name, cell in pairs.items() if name not in words]
+                assert all(map(math.isfinite, cells)), (table, row)
 
 
 def numbers_of(thing):
