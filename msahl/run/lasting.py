@@ -1,4 +1,4 @@
-"""Errors that last: what differs at one output time only, where a value jumps, is left out.
+"""Errors that last: what differs at one output time only, where a value jumps, does not count.
 
 Run and companion may differ at one time by all of a jump, though they only jump a little before and
 after it. The median of the errors at three output times in succession does not know that one.

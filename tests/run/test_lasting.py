@@ -1,4 +1,4 @@
-"""Errors at one output time only, at which a value jumps, are left out of the estimate."""
+"""Errors at one output time only, at which a value jumps, do not count in the estimate."""
 
 import numpy as np
 import pytest
@@ -16,14 +16,14 @@ def test_what_differs_once_does_not_last():
 
 def test_medians_do_not_depend_on_chunks():
     errors = np.random.default_rng(3).normal(size=(7, 3))
-    whole, parts = Lasting(3), Lasting(3)
+    all_at_once, parts = Lasting(3), Lasting(3)
     found = [parts.add(errors[:1]), parts.add(errors[1:5]), parts.add(errors[5:])]
-    assert (np.concatenate(found) == whole.add(errors)).all()
+    assert (np.concatenate(found) == all_at_once.add(errors)).all()
 
 
 @pytest.mark.parametrize("steps", [30, 40])
 def test_an_impact_at_an_output_time_is_no_error(steps):
-    """Run and companion have it on either side of the row; the force jumps by 2 N."""
+    """Run and companion have it on either side of that time; the force jumps by 2 N."""
     dt = WALL[0] / steps
     report, _, events = run_events(pendulum(0.8), "gauss3", dt, 1.2, error="estimate")
     assert events[0][0] == pytest.approx(WALL[0], abs=1e-10)
