@@ -127,8 +127,8 @@ def _coordinate(joint: Joint, name: str, context: Context) -> float:
 
 
 def _counted(limit: JointLimit, difference: float) -> JointLimit:
-    """Return a limit whose angles count as runs count them: whole revolutions are in the ``difference``
-    [rad] to the value of the file."""
+    """Return a limit whose angles count as runs count them, whose value at t = 0 has this
+    ``difference`` [rad] to that of the file: whole revolutions, and rounding errors."""
     turns = round(difference / math.tau) if limit.coordinate == "angle" else 0
     if not turns or limit.lower is None or limit.upper is None:
         return limit
