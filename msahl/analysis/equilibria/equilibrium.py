@@ -24,8 +24,8 @@ from msahl.algebra.functions import Law, build_laws, evaluate
 from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.linearised.plain_units import equation_scale
-from msahl.analysis.linearised.point import Point, at_start, complete, placed
-from msahl.analysis.linearised.projection import close, move
+from msahl.analysis.linearised.point import Point, at_start, closed, placed, settled
+from msahl.analysis.linearised.projection import move
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
@@ -132,15 +132,13 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
 
 def balance_at(point: Point, spin: np.ndarray) -> Equilibrium:
     """Return how far a ``point`` is from an equilibrium, whatever its velocities are."""
-    state = _rotating(point.state, spin, axis_point(point, spin))
-    there = complete(point.model, point.system, state, point.unknowns)
+    there = settled(point, _rotating(point.state, spin, axis_point(point, spin)))
     return residual_in(coefficients(there.system, there.state), spin)
 
 
 def evaluated(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
     """Evaluate a configuration with the velocities of the steady rotation."""
-    state = _rotating(point.state, spin, centre)
-    point = complete(point.model, point.system, state, point.unknowns)
+    point = settled(point, _rotating(point.state, spin, centre))
     found = coefficients(point.system, point.state)
     moving = bool(spin.any())
     B = (
@@ -233,7 +231,7 @@ def _descent(place: Place) -> np.ndarray:
     back = np.linalg.inv(R)
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    terms = float(np.linalg.norm(stiffness_weight(place.found, place.linear) @ back, 2)) ** 2
+    terms = float(np.linalg.norm(stiffness_weight(place.found, place.linear, place.point.pressing) @ back, 2)) ** 2
     # Where nothing has any stiffness, as in a level pendulum, the forces alone say what is little.
     force = float(np.linalg.norm(back.T @ place.residual[:d])) / size_of(place.point)
     largest = max(float(np.abs(values).max(initial=0.0)), force)
@@ -296,7 +294,7 @@ def moved(place: Place, step: np.ndarray) -> Point:
     dq.reshape(-1)[place.found.coordinate] = place.linear.places[:, :d] @ step[:d]
     state = move(point.system, point.state, dq)
     state = state._replace(auxiliary=state.auxiliary + step[d:])
-    return replace(point, state=close(point.system, state, point.unknowns))
+    return closed(point, state)
 
 
 def size_of(point: Point) -> float:
@@ -321,7 +319,7 @@ def _flat_directions(place: Place) -> int:
     if not d:
         return 0
     _, values, right = np.linalg.svd(place.jacobian, full_matrices=False)
-    weight = stiffness_weight(place.found, place.linear)
+    weight = stiffness_weight(place.found, place.linear, place.point.pressing)
     terms = np.sum((weight @ right[:, :d].T) ** 2, axis=0)
     cancelled = int(np.count_nonzero(values <= CANCELLED * terms))
     by_lengths = np.linalg.svd(_by_lengths(place), compute_uv=False)

@@ -15,10 +15,10 @@ from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, depends_on_reactions
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.rate_gradients import rates_by_place
-from msahl.analysis.linearised.reduced import linear_system, stiffness_weight
+from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import with_reactions
-from msahl.analysis.modes.eigenvalues import eigenvalues
+from msahl.analysis.modes.eigenvalues import CANCELLED, eigenvalues
 from msahl.analysis.modes.sparse_eigenvalues import (
     MOST_RIGID,
     NotFoundError,
@@ -221,7 +221,9 @@ def _dense(
     """All modes; see ``eigenvalues`` for ``stages``."""
     rates = rates_by_place(point.system, point.state)
     system = with_reactions(point, found, linear_system(found, rates, state.axes), state.axes)
-    result = eigenvalues(system.A, stages, stiffness_weight(found, system))
+    weight = stiffness_weight(found, system, point.pressing)
+    A = _without_cancelled(system, weight) if point.pressing else system.A
+    result = eigenvalues(A, stages, weight)
     kept = result.value.imag >= 0.0
     vectors = result.vector[:, kept]
     places, states = _normalised(found, system.places @ vectors, system.states @ vectors)
@@ -239,6 +241,16 @@ def _dense(
         warnings=warnings(point, state),
         stages=result.stages,
     )
+
+
+def _without_cancelled(system: LinearSystem, weight: np.ndarray) -> np.ndarray:
+    """(m, m) A, whose stiffness has no round-off of forces of contacts that cancel each other."""
+    d, A = system.degrees_of_freedom, system.A.copy()
+    terms = np.linalg.norm(weight, axis=0)
+    K = A[d : d + system.rate_degrees_of_freedom, :d]
+    if K.shape == (d, d):
+        K[np.abs(K) <= CANCELLED * np.finfo(float).eps * np.outer(terms, terms)] = 0.0
+    return A
 
 
 def warnings(point: Point, state: Equilibrium) -> list[str]:
