@@ -9,6 +9,7 @@ import numpy as np
 from msahl.analysis.equilibria.begin import deck_at
 from msahl.analysis.equilibria.equilibrium import Solution, search_start
 from msahl.analysis.equilibria.search import all_equilibria, find
+from msahl.analysis.equilibria.slipping import slipping
 from msahl.analysis.equilibria.stability import stability
 from msahl.analysis.equilibria.tables import tables
 from msahl.analysis.linearised.point import Point
@@ -104,8 +105,11 @@ def equilibrium_of(job: Job, rotation: Sequence[float], load: Load) -> Equilibri
     start = search_start(job.model)
     found = find(start, np.array(rotation, dtype=float))
     if found is None:
+        why = slipping(start)
         raise StartError(
-            "no equilibrium was found from where the deck has the bodies; place them nearer to "
+            f"no equilibrium was found: {why}"
+            if why
+            else "no equilibrium was found from where the deck has the bodies; place them nearer to "
             "one, or search from more configurations by equilibria(starts=...)"
         )
     return Equilibrium(job, start, found, load)

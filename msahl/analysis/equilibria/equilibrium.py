@@ -170,9 +170,16 @@ def _rotating(state: State, spin: np.ndarray, centre: np.ndarray) -> State:
 
 
 def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
-    """(3,) a point of the axis about which the constraints let the model rotate with ``spin``."""
+    """(3,) a point of the axis about which the constraints let the model rotate with ``spin``.
+    Raises ``StartError`` if they do not, or if the model has contacts.
+    """
     if not spin.any():
         return np.zeros(3)
+    if point.touching is not None:
+        raise StartError(
+            "the model has rigid contacts, which steady rotations do not know; look for an "
+            "equilibrium at rest, or give contacts a <stiffness>"
+        )
     system, state = point.system, point.state
     found = coefficients(system, _rotating(state, spin, np.zeros(3)))
     G = found.constraint.toarray()

@@ -148,7 +148,6 @@ def _methods(point: Point, spin: np.ndarray) -> list[list[Callable[[], Solution]
     """The groups of methods by which a model is searched."""
     dense = [lambda: solve(point, spin, True), lambda: solve(point, spin, False)]
     if point.touching is not None:
-        _require_rest(spin)
         return [[lambda: _with_contacts(point, spin)]] if point.model.beams else [dense]
     sparse = [lambda: by_multipliers(point, spin)]
     last = [lambda: by_continuation(point, spin)]
@@ -157,15 +156,6 @@ def _methods(point: Point, spin: np.ndarray) -> list[list[Callable[[], Solution]
     if is_large(point):
         return [sparse, last]
     return [sparse, dense, last] if coordinate_count(point) > QUICK else [dense, sparse, last]
-
-
-def _require_rest(spin: np.ndarray) -> None:
-    """Raise ``StartError`` for a model with contacts that rotates."""
-    if spin.any():
-        raise StartError(
-            "the model has rigid contacts, which steady rotations do not know; look for an "
-            "equilibrium at rest, or give contacts a <stiffness>"
-        )
 
 
 def _with_contacts(point: Point, spin: np.ndarray) -> Solution:

@@ -15,6 +15,7 @@ from msahl.analysis.linearised.touching import (
     Touching,
     apart,
     close_contacts,
+    in_mode,
     touch,
 )
 from msahl.analysis.no_contacts import require_no_contacts
@@ -26,12 +27,12 @@ from msahl.jit.by_size import by_size
 from msahl.model import Model, Options
 from msahl.model.settings import OFF
 from msahl.run.loop import Hooks, run
+from msahl.run.report import Report
 from msahl.run.tables import SIGNALS, STATES, MemorySink
 from msahl.start.positions import assemble
 from msahl.start.velocities import StartError, make_consistent
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
-from msahl.system.build import build_system
 from msahl.system.contacts import contacts_of
 from msahl.system.graph import node_order
 from msahl.system.names import signal_columns
@@ -121,11 +122,12 @@ def _in_touch(point: Point, found: InTouch) -> Point:
 
 def at_time(model: Model, time: float) -> Point:
     """Return the model after a run to the ``time`` [s]; raises ``StartError`` if it does not get
-    there.
+    there, or if it has events, which may have changed it.
     """
     if time == 0.0:
         return at_start(model)
-    require_no_contacts(model)
+    if model.events:
+        require_no_contacts(replace(model, contacts=()))
     changed = replace(model, simulation=replace(model.simulation, t_final=time))
     sink = MemorySink((STATES, SIGNALS))
     report = run(changed, Options(error=OFF), sink, Hooks(), checked=True)
@@ -135,18 +137,30 @@ def at_time(model: Model, time: float) -> Point:
             f"the run did not reach {time:.9g} s: {report.message or report.status}; choose an "
             "earlier time"
         )
-    system = build_system(model)
+    system, _ = build_at_start(model)
     state = build_state(model, system)
     _follow(system, state, rows)
     if state.auxiliary.size:
         columns = signal_columns(model)
         states = [columns.index(s.name) for s in model.signals if hasattr(s, "initial")]
         state.auxiliary[:] = signal_rows[-1, states]
-    unknowns = choose(system, all_unknowns(system), node_order(system))
+    point = _with_contacts(Point(model, system, state), report)
     # Schemes of order 2 satisfy constraints between places; those between rates to their order.
-    state = close(system, state, unknowns)
-    make_consistent(system, state, unknowns.free, "massWeighted")
-    return complete(model, system, state, unknowns)
+    point = closed(point, state)
+    make_consistent(point.system, point.state, point.unknowns.free, "massWeighted")
+    return settled(point, point.state)
+
+
+def _with_contacts(point: Point, report: Report) -> Point:
+    """Return the ``point`` with those contacts closed that were at the end of a run."""
+    contacts = contacts_of(point.model, point.system, point.state)
+    if contacts is None:
+        return point
+    names = tuple(side.name for side in point.model.contact_sides)
+    held = np.isin(names, (report.contacts or {}).get("closed", []))
+    system, unknowns = in_mode(point.system, contacts, point.state, held)
+    touching = apart(contacts, names)._replace(closed=held)
+    return replace(point, system=system, known=unknowns, touching=touching)
 
 
 def _follow(system: System, state: State, states: np.ndarray) -> None:

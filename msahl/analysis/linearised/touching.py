@@ -25,7 +25,7 @@ from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import StartError
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
-from msahl.system.contacts import Contacts, set_closed, set_sticking
+from msahl.system.contacts import NEAR, Contacts, set_closed, set_sticking
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 from msahl.system.work_arrays import WorkArrays, new_work_arrays
@@ -35,7 +35,8 @@ TOUCHING = 10.0
 OVERLAP = 1e4
 """Overlap, over the round-off of the gap, that is that of digits which decks omit."""
 STILL = 1e-9
-"""Rate of a gap or slip, over the largest speed, that is none: closed joints leave 1e-12."""
+"""Rate of a gap or slip, over the largest speed or that of falling by the size of the model, that is
+none: closed joints leave 1e-12."""
 MOST_CLOSED = 20
 """Rounds in which contacts that overlap after a step are closed."""
 
@@ -79,27 +80,41 @@ def touch(system: System, state: State, before: Touching) -> InTouch:
     work_arrays = new_work_arrays(system, state)
     _, gap, rate = gaps(system, contacts, state, work_arrays)
     _require_apart(contacts, names, gap)
-    speed = STILL * _largest_speed(system, work_arrays)
-    own = contacts.sign * rate[_coordinates(system, contacts.row)]
-    near = contacts.acts & (gap <= TOUCHING * contacts.round_off)
-    for k in map(int, np.flatnonzero(near & (own < -speed))):
-        raise StartError(
-            f"contact '{names[k]}' is about to have an impact at {-own[k]:.4g} (m/s or rad/s); "
-            "choose a time after it, or an equilibrium"
-        )
-    which = np.flatnonzero(near & (own <= speed))
-    if not which.size:
+    near = np.flatnonzero(contacts.acts & (gap <= TOUCHING * contacts.round_off))
+    if not near.size:
         settle(system, state, unknowns)
         return InTouch(system, state, unknowns, apart(contacts, names))
-    response = respond(system, contacts, which, state, unknowns, work_arrays)
+    response = respond(system, contacts, near, state, unknowns, work_arrays)
     b, size = accelerations(system, response, state, unknowns, work_arrays)
-    slip = rate[_coordinates(system, response.row)]
+    length = float(contacts.round_off.max()) / NEAR
+    still = STILL * max(_largest_speed(system, work_arrays), float(np.sqrt(length * size)))
+    speed = response.sign * rate[_coordinates(system, response.row)]
+    if np.abs(speed).max() <= still >= _largest_speed(system, work_arrays):
+        state.v[:], state.w[:] = 0.0, 0.0  # what has come to rest
+    _require_no_impact(names, near, speed, still)
+    stays = speed[: near.size] <= still
+    if not stays.all():
+        response = respond(system, contacts, near[stays], state, unknowns, work_arrays)
+        b, size = accelerations(system, response, state, unknowns, work_arrays)
+        speed = response.sign * rate[_coordinates(system, response.row)]
     try:
-        found = held(system, contacts, response, (b, size), (slip, speed))
+        found = held(system, contacts, response, (b, size), (speed, still))
     except NoSolution as error:
-        named = ", ".join(names[int(k)] for k in which)
+        named = ", ".join(names[int(k)] for k in response.which)
         raise StartError(f"the forces of the contacts {named} have no solution here") from error
-    return _with_forces(system, state, before, (response, found), speed)
+    return _with_forces(system, state, before, (response, found), still)
+
+
+def _require_no_impact(
+    names: tuple[str, ...], near: np.ndarray, speed: np.ndarray, still: float
+) -> None:
+    """Raise ``StartError`` if a contact of those ``near`` approaches."""
+    for name, rate in zip((names[int(k)] for k in near), speed.tolist(), strict=False):
+        if rate < -still:
+            raise StartError(
+                f"contact '{name}' is about to have an impact at {-rate:.4g} (m/s or rad/s); "
+                "choose a time after it, or an equilibrium"
+            )
 
 
 def _require_apart(contacts: Contacts, names: tuple[str, ...], gap: np.ndarray) -> None:
@@ -166,7 +181,7 @@ def _with_forces(
     state: State,
     before: Touching,
     answer: tuple[Response, Held],
-    speed: float,
+    still: float,
 ) -> InTouch:
     """Return the system with the contacts closed that press, and set accelerations and multipliers.
     """
@@ -181,7 +196,7 @@ def _with_forces(
     if (group := system.forces.sliding) is not None:
         group.friction[own[slides]] = contacts.friction[which[slides]]
         group.toward[own[slides]] = found.toward[slides]
-        group.still[:] = speed
+        group.still[:] = still
     settle(system, state, unknowns)
     if not found.unique:
         _apply(system, response, found.force, state)

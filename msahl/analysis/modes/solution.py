@@ -13,6 +13,7 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, depends_on_reactions
+from msahl.analysis.linearised.contact_lines import slides
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
@@ -267,6 +268,10 @@ def warnings(point: Point, state: Equilibrium) -> list[str]:
         found.append(
             "this motion is not steady: its coefficients change with time, in every axes tried; "
             "the modes are those of the coefficients at this moment"
+        )
+    if slides(point):
+        found.append(
+            "contacts slide: the derivatives omit how their friction changes with their normal force"
         )
     return found
 
