@@ -39,6 +39,10 @@ DESCENT, NEWTON = "descent", "Newton's method"
 MOST_ITERATIONS = 200
 MOST_WAITING = 60
 """Iterations without a smaller residual after which a search ends."""
+MOST_WHILE_TOUCHING = 12
+"""Likewise, where contacts touch: on a slope forces stay what they are for ever, but for round-off."""
+PROGRESS = 1.0 - 1e-6
+"""Residual over the smallest one that is smaller by more than round-off."""
 LARGEST_ROTATION = 0.4
 """Of a body in one step [rad]; displacements likewise, over the length of the system."""
 BALANCED = 1e-9
@@ -114,7 +118,7 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         size = float(np.linalg.norm(_lengths(place, step)))
         if size <= ROUND_OFF * size_of(place.point) or waited > 3:
             break
-        if iterations > last + MOST_WAITING:
+        if iterations > last + _patience(place.point):
             break
         following = _line_search(place, step, spin, stable)
         if following is None:
@@ -123,11 +127,19 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         better = np.linalg.norm(place.residual) < 0.5 * np.linalg.norm(smallest.residual)
         # At round-off the residual stops falling.
         waited = 0 if better or smallest.balance.relative > BALANCED else waited + 1
-        if np.linalg.norm(place.residual) < np.linalg.norm(smallest.residual):
-            smallest, last = place, iterations
+        ratio = np.linalg.norm(place.residual) / max(np.linalg.norm(smallest.residual), 1e-300)
+        if ratio < 1.0:
+            last = iterations if ratio < PROGRESS or point.touching is None else last
+            smallest = place
     converged = smallest.balance.relative <= BALANCED and states_rest(smallest)
     method = DESCENT if stable else NEWTON
     return Solution(smallest, iterations, converged, _flat_directions(smallest), method)
+
+
+def _patience(point: Point) -> int:
+    """Return the number of iterations without a smaller residual after which a search ends."""
+    touches = point.touching is not None and bool(point.touching.touches.any())
+    return MOST_WHILE_TOUCHING if touches else MOST_WAITING
 
 
 def balance_at(point: Point, spin: np.ndarray) -> Equilibrium:
