@@ -40,7 +40,7 @@ MOST_ITERATIONS = 200
 MOST_WAITING = 60
 """Iterations without a smaller residual after which a search ends."""
 MOST_WHILE_TOUCHING = 12
-"""Likewise, where contacts touch: on a slope forces stay what they are for ever, but for round-off."""
+"""Likewise, where contacts touch: on a slope forces stay the same for ever, but for round-off."""
 PROGRESS = 1.0 - 1e-6
 """Residual over the smallest one that is smaller by more than round-off."""
 LARGEST_ROTATION = 0.4
@@ -127,9 +127,9 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         better = np.linalg.norm(place.residual) < 0.5 * np.linalg.norm(smallest.residual)
         # At round-off the residual stops falling.
         waited = 0 if better or smallest.balance.relative > BALANCED else waited + 1
-        ratio = np.linalg.norm(place.residual) / max(np.linalg.norm(smallest.residual), 1e-300)
-        if ratio < 1.0:
-            last = iterations if ratio < PROGRESS or point.touching is None else last
+        now, least = (float(np.linalg.norm(of.residual)) for of in (place, smallest))
+        if now < least:
+            last = iterations if now < PROGRESS * least or point.touching is None else last
             smallest = place
     converged = smallest.balance.relative <= BALANCED and states_rest(smallest)
     method = DESCENT if stable else NEWTON
@@ -250,7 +250,14 @@ def _descent(place: Place) -> np.ndarray:
     back = np.linalg.inv(R)
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    terms = float(np.linalg.norm(stiffness_weight(place.found, place.linear, place.point.pressing) @ back, 2)) ** 2
+    terms = (
+        float(
+            np.linalg.norm(
+                stiffness_weight(place.found, place.linear, place.point.pressing) @ back, 2
+            )
+        )
+        ** 2
+    )
     # Where nothing has any stiffness, as in a level pendulum, the forces alone say what is little.
     force = float(np.linalg.norm(back.T @ place.residual[:d])) / size_of(place.point)
     largest = max(float(np.abs(values).max(initial=0.0)), force)

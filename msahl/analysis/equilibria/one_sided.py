@@ -4,8 +4,8 @@
     ->  close those that overlap there, or else open the one that pulls most
     ->  until none overlaps and none pulls
 
-Bodies without beams need no trial: their search closes and opens contacts on its way
-(``equilibrium``), as beams, whose unloaded shape is the start, cannot.
+Bodies without beams need no trial: their search closes and opens contacts from step to step
+(``equilibrium``). That of beams begins with their unloaded shape, where nothing presses.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,9 @@ PULLS = 1e-9
 """Force over the largest of all contacts by which one pulls."""
 
 
-def trials(point: Point, first: Callable[[Point], Solution], next_: Callable[[Point], Solution]) -> Solution:
+def trials(
+    point: Point, first: Callable[[Point], Solution], next_: Callable[[Point], Solution]
+) -> Solution:
     """Return the equilibrium from a ``point`` in which no contact overlaps and none pulls: by the
     method ``first`` without contacts, then by ``next_`` from each trial. Raises ``StartError``.
     """

@@ -14,6 +14,14 @@ DIGITS = 1e-4
 """Relative width of the interval in which the least friction is found."""
 
 
+def none_found(start: Point, otherwise: str) -> str:
+    """Return that no equilibrium was found from the ``start``, and why, or what to do
+    ``otherwise``.
+    """
+    why = slipping(start)
+    return f"no equilibrium was found: {why}" if why else f"no equilibrium was found {otherwise}"
+
+
 def slipping(point: Point) -> str:
     """Return which contacts slide where a ``point`` is, at rest, and by how much their friction is
     too small; empty if none does.
@@ -23,7 +31,7 @@ def slipping(point: Point) -> str:
         return ""
     listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     if _sliding(point, MOST):
-        return f"friction does not hold the contacts {listed} where the deck has them, however large"
+        return f"no friction holds the contacts {listed} where the deck has them"
     low, high = 1.0, MOST
     while high - low > DIGITS * low:
         middle = float(np.sqrt(low * high))
@@ -35,7 +43,7 @@ def slipping(point: Point) -> str:
 
 
 def _sliding(point: Point, factor: float) -> list[str]:
-    """Return the names of closed contacts that do not stick with ``factor`` times their friction."""
+    """Return the names of closed contacts that slide with ``factor`` times their friction."""
     group = point.system.forces.sliding
     if point.touching is None or group is None:
         return []

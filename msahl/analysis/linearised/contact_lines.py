@@ -12,8 +12,8 @@ ROUND_OFF = 1e-12
 """Force over the largest that is shown as zero."""
 NOT_UNIQUE = "their forces are not unique: contacts share them in many ways, of which this is one"
 RANGE = (
-    "contacts that stick hold the model in a range of places; this is the one that was reached from "
-    "where the deck has it"
+    "contacts that stick hold the model in a range of places; this is the one that was reached "
+    "from where the deck has it"
 )
 
 

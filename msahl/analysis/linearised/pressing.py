@@ -1,6 +1,6 @@
 """Forces of contacts at rest or in motion, in one configuration: who presses, sticks or slides.
 
-    w = W f + b         accelerations along the m directions of k contacts; see ``touching``
+w = W f + b         accelerations along the m directions of k contacts; see ``touching``
 """
 
 import math
@@ -120,8 +120,9 @@ def _may_press(
             row[cones.tangent[i]] = math.cos(angle), math.sin(angle)
             row[i] = -cones.friction[i] * math.cos(math.pi / SIDES)
             rows.append(row)
-    bounds = [(0.0, None) if j < k and rests[j] else (None, None) for j in range(m)]
-    bounds = [(0.0, 0.0) if j < k and not rests[j] else bounds[j] for j in range(m)]
+    bounds: list[tuple[float | None, float | None]] = [(None, None)] * m
+    for i in range(k):
+        bounds[i] = (0.0, None if rests[i] else 0.0)
     found = linprog(
         np.concatenate([np.zeros(m), -np.ones(k)]),
         A_ub=np.array(rows),

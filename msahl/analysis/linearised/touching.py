@@ -35,8 +35,8 @@ TOUCHING = 10.0
 OVERLAP = 1e4
 """Overlap, over the round-off of the gap, that is that of digits which decks omit."""
 STILL = 1e-9
-"""Rate of a gap or slip, over the largest speed or that of falling by the size of the model, that is
-none: closed joints leave 1e-12."""
+"""Rate of a gap or slip, over the largest speed or that of falling by the size of the model, that
+is none: closed joints leave 1e-12."""
 MOST_CLOSED = 20
 """Rounds in which contacts that overlap after a step are closed."""
 
@@ -183,8 +183,7 @@ def _with_forces(
     answer: tuple[Response, Held],
     still: float,
 ) -> InTouch:
-    """Return the system with the contacts closed that press, and set accelerations and multipliers.
-    """
+    """Return the system with the contacts closed that press; set accelerations and multipliers."""
     contacts, (response, found) = before.contacts, answer
     which, own = response.which, contacts.sliding[response.which]
     closed, touches = np.zeros((2, contacts.row.size), dtype=bool)

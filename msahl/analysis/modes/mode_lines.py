@@ -12,8 +12,8 @@ PARTS = 3
 SMALL_PART = 0.05
 """Part of a shape, relative to the largest, below which it is not named."""
 CONSTRAINTS = (
-    "closed contacts are constraints: those that slide or have no friction of their gap, those that "
-    "stick of their slip as well"
+    "closed contacts are constraints: those that slide or have no friction of their gap, those "
+    "that stick of their slip as well"
 )
 MOST_LINES = 40
 """Modes that are printed; the table has all."""

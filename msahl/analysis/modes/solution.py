@@ -271,7 +271,7 @@ def warnings(point: Point, state: Equilibrium) -> list[str]:
         )
     if slides(point):
         found.append(
-            "contacts slide: the derivatives omit how their friction changes with their normal force"
+            "contacts slide: the derivatives omit how friction changes with their normal force"
         )
     return found
 
