@@ -32,7 +32,7 @@ from msahl.system.arrays import (
     multiplier_count,
     new_system_workspace,
 )
-from msahl.system.build import Places, build_system
+from msahl.system.build import Places
 from msahl.system.contacts import contacts_of
 from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
@@ -47,11 +47,9 @@ from msahl.system.reductions import (
 from msahl.system.state import build_state
 from msahl.system.switches import (
     Switches,
+    build_at_start,
     conditions_of,
-    release,
-    switches_of,
     with_all_engaged,
-    with_own_laws,
     without,
 )
 from msahl.system.tree import Formulation, choose_formulation
@@ -94,7 +92,7 @@ class SubsystemIntegrator:
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         self.storages = storages
-        system, self.switches = _build(model)
+        system, self.switches = build_at_start(model)
         self.storage = self._take_storage(system, chunk, accelerations)
         system = self.storage.place("system", system)
         state = self.storage.place("state", build_state(model, system))
@@ -161,7 +159,7 @@ class SubsystemIntegrator:
         # Contacts that stick may be redundant with each other, as the corners of a box are.
         shares = system.forces.sliding is not None and system.forces.sliding.row.size > 1
         if shares or (self.redundant and not is_regular(system, state, unknowns, at_rest)):
-            system, self.switches = _build(model, True, Places(state.x, state.p))
+            system, self.switches = build_at_start(model, True, Places(state.x, state.p))
             unknowns, at_rest, work_arrays = (
                 choose(system, free),
                 None,
@@ -271,20 +269,6 @@ class CompanionIntegrator(SubsystemIntegrator):
     """A subsystem of a companion of a run with given steps."""
 
     resolves_inputs = True
-
-
-def _build(
-    model: Model, relaxed: bool = False, places: Places | None = None
-) -> tuple[System, Switches | None]:
-    """Return the system of a model at t = 0, and the elements that events release or engage."""
-    system = build_system(model, relaxed, places)
-    found = switches_of(model, system) if model.switched else None
-    if found is not None:
-        system = with_own_laws(system)
-        for k, name in enumerate(found.names):
-            if name in model.released:
-                release(system, found, k)
-    return system, found
 
 
 def _prepare(

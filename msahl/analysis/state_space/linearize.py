@@ -21,6 +21,7 @@ from msahl.analysis.linearised.plain_units import coordinate_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import Inputs, Variations, variations
+from msahl.analysis.no_contacts import require_no_contacts
 from msahl.analysis.state_space.check import disagreement
 from msahl.analysis.state_space.columns import Column, Columns, columns_by_table, shared_reactions
 from msahl.analysis.state_space.inputs import (
@@ -63,8 +64,10 @@ def linearize(
 ) -> LinearModel:
     """Return the model linearised at a ``point``, with ``inputs`` and ``outputs`` by name.
 
-    Raises ``OptionError`` for names that do not exist, ``StartError`` where there is no such model.
+    Raises ``OptionError`` for names that do not exist, ``StartError`` where there is no such model,
+    or if it has contacts or events.
     """
+    require_no_contacts(point.model)
     _check(point, inputs, outputs, states)
     point = with_signals(point, inputs)
     here = evaluated(point.system, point.state)
