@@ -15,7 +15,7 @@ import numpy as np
 from msahl.contact import response as of_contacts
 from msahl.contact.complementarity import NoSolution
 from msahl.contact.events import ContactEvent
-from msahl.contact.forces import follow, hold
+from msahl.contact.forces import ending_slips, follow, hold
 from msahl.contact.friction import Jammed
 from msahl.contact.impact import SeveralAtOnce, impulses
 from msahl.contact.rebounds import accuracy_of_end, rebounds, time_to_next, unseen
@@ -207,9 +207,12 @@ class ContactModes:
             e[ends], remaining[ends] = 0.0, left[ends]
             for array, old in zip(moving, saved, strict=True):
                 array[:] = old
-        small = unseen(height, round_off) & stays
-        if small.any():
-            after = hold(held, response, after, small, (stays, cause))
+        small = np.zeros(before.size, dtype=bool)
+        small[: e.size] = unseen(height, round_off) & stays
+        for _ in range(1 + e.size):
+            if small.any():
+                after = hold(held, response, after, small, (stays, cause))
+            small = ending_slips(response, after, round_off)
         return impulse, after, remaining
 
     @property
