@@ -154,6 +154,17 @@ class ContactModes:
         place = int(np.flatnonzero(self.held.contacts.sliding[which] == own)[0])
         return Cause(slips=place) if self.held.sticks[own] else Cause(ends=place)
 
+    def begins_to_slip(self, event: int) -> bool:
+        """Whether the contact of an ``event`` has begun to slip now, so that its slip, which is
+        zero, does not end yet.
+        """
+        own, group = event - self.held.contacts.row.size, self.held.system.forces.sliding
+        if group is None or own < 0 or self.held.sticks[own] or self.time != self.last_time:
+            return False
+        _, _, rate = self.held.gaps()
+        slip = rate[group.along[own]]
+        return not self.held.rounded(slip).any()
+
     def _count(self, which: np.ndarray) -> None:
         """Raise ``ContactsUnsolved`` if events of the contacts ``which`` follow each other without
         an end at one time.

@@ -342,7 +342,7 @@ class FixedStepper:
         failed = not outcome.converged
         if event and not event.ends_run:
             part = self._take_part(event, begin, h, part)
-            if math.isnan(part) and self.contacts and not holds:
+            if self._is_missed(event, part) and not holds:
                 outcome, part = self._approach(event, begin, h)
                 event = None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
@@ -385,6 +385,15 @@ class FixedStepper:
         if tried and self._uses_compiled_loop():
             return Outcome(math.inf, -1)
         return self._solve_once(share * h, share, False)
+
+    def _is_missed(self, event: Event, part: float) -> bool:
+        """Whether contacts need a shorter step, as none of the fraction ``part`` leads to an
+        ``event``.
+        """
+        if self.contacts is None:
+            return False
+        begins = part == 0.0 and not event.at_start
+        return math.isnan(part) or (begins and self.contacts.only_begins(self.method, event))
 
     def _approach(self, event: Event, begin: list[np.ndarray], h: float) -> tuple[Outcome, float]:
         """Take a part of a step ``h`` half way to an ``event`` to which none can be taken: at the
