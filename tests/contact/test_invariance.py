@@ -52,12 +52,12 @@ def rods(names=("A", "B"), turn=(0.0, 0.0, 0.0), backwards=False):
 
 
 def ends(model, turn=(0.0, 0.0, 0.0), backwards=False):
-    """Places and velocities (4, 3) of the rods' centres at the end, turned back; kinds of events by
-    number of the body and by end, and their times.
+    """Places (2, 3) of the rods' centres at the end, turned back, and their velocities (2, 3) in
+    their own axes; kinds of events by body and by end, and their times.
     """
     _, sink, events = run_events(model, "gauss3")
     states = sink.table("states")[-1, 1:].reshape(2, 4, 3)[:: -1 if backwards else 1]
-    found = states[:, [0, 2]].reshape(4, 3) @ np.array(matrix(turn))
+    found = np.vstack([states[:, 0] @ np.array(matrix(turn)), states[:, 2]])
     first = model.bodies[-1 if backwards else 0].name
     told = sorted((round(e[0], 9), e[2].startswith(first), e[2][-4:], e[1]) for e in events)
     return found, told

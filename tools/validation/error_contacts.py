@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from msahl.algebra.functions import Law
-from msahl.algebra.rotation import from_axis_angle
 from msahl.algebra.vector import ZERO
 from msahl.model import (
     DistanceLimit,
