@@ -18,7 +18,7 @@ from msahl.contact import response as of_contacts
 from msahl.contact.complementarity import solve
 from msahl.contact.friction import Cones, Jammed
 from msahl.contact.response import Response
-from msahl.contact.state import STILL, After, Cause, ContactState
+from msahl.contact.state import STILL, UNSEEN, After, Cause, ContactState
 
 USED = 1e-6
 """Share of the grip that is none, where that of another contact is used up: those of an edge slip
@@ -136,13 +136,34 @@ def hold(
     unseen: np.ndarray,
     given: tuple[np.ndarray, Cause],
 ) -> After:
-    """Keep those contacts closed that would rebound ``unseen``: where several rock, the impact
-    of one lifts the others, without an end.
+    """Keep those rates (m,) zero that are ``unseen``, with those that are zero and stay so: where
+    several rock, the impact of one lifts the others without an end, and a slip may be over before
+    a step can tell.
     """
-    k = np.flatnonzero(unseen | (after.speed[: unseen.size] == 0.0))
+    rests = (after.speed[: after.together.size] == 0.0) & (after.force[: after.together.size] > 0.0)
+    zero = unseen.copy()
+    zero[: rests.size] |= after.speed[: rests.size] == 0.0
+    own = response.tangent[rests & after.sticks]
+    zero[own.reshape(-1)] = True
+    k = np.flatnonzero(zero)
     push = np.zeros(after.speed.size)
     push[k] = -np.linalg.lstsq(response.W[np.ix_(k, k)], after.speed[k], rcond=None)[0]
     contacts.push(response, push, after.speed)
     speed = after.speed + response.W @ push
     speed[k] = 0.0
     return follow(contacts, response, contacts.rounded(speed), *given)
+
+
+def ending_slips(response: Response, after: After, round_off: np.ndarray) -> np.ndarray:
+    """(m,) which rates are slips that end on a way too small to be resolved, of contacts whose
+    positions have this ``round_off`` (k,).
+    """
+    found = np.zeros(after.speed.size, dtype=bool)
+    slides = (response.tangent[:, 0] >= 0) & after.together & ~after.sticks
+    for k in map(int, np.flatnonzero(slides)):
+        t = response.tangent[k]
+        s = after.speed[t]
+        # By s^2/(2 a) with the acceleration -a along the slip: a = -s . s'/|s|.
+        ends = -float(s @ after.acceleration[t])
+        found[t] = float(s @ s) ** 1.5 <= 2.0 * ends * UNSEEN * round_off[k] and s.any()
+    return found

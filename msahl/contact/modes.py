@@ -15,7 +15,7 @@ import numpy as np
 from msahl.contact import response as of_contacts
 from msahl.contact.complementarity import NoSolution
 from msahl.contact.events import ContactEvent
-from msahl.contact.forces import follow, hold
+from msahl.contact.forces import ending_slips, follow, hold
 from msahl.contact.friction import Jammed
 from msahl.contact.impact import SeveralAtOnce, impulses
 from msahl.contact.rebounds import accuracy_of_end, rebounds, time_to_next, unseen
@@ -154,6 +154,17 @@ class ContactModes:
         place = int(np.flatnonzero(self.held.contacts.sliding[which] == own)[0])
         return Cause(slips=place) if self.held.sticks[own] else Cause(ends=place)
 
+    def begins_to_slip(self, event: int) -> bool:
+        """Whether the contact of an ``event`` has begun to slip now, so that its slip, which is
+        zero, does not end yet.
+        """
+        own, group = event - self.held.contacts.row.size, self.held.system.forces.sliding
+        if group is None or own < 0 or self.held.sticks[own] or self.time != self.last_time:
+            return False
+        _, _, rate = self.held.gaps()
+        slip = rate[group.along[own]]
+        return not self.held.rounded(slip).any()
+
     def _count(self, which: np.ndarray) -> None:
         """Raise ``ContactsUnsolved`` if events of the contacts ``which`` follow each other without
         an end at one time.
@@ -207,9 +218,12 @@ class ContactModes:
             e[ends], remaining[ends] = 0.0, left[ends]
             for array, old in zip(moving, saved, strict=True):
                 array[:] = old
-        small = unseen(height, round_off) & stays
-        if small.any():
-            after = hold(held, response, after, small, (stays, cause))
+        small = np.zeros(before.size, dtype=bool)
+        small[: e.size] = unseen(height, round_off) & stays
+        for _ in range(1 + e.size):
+            if small.any():
+                after = hold(held, response, after, small, (stays, cause))
+            small = ending_slips(response, after, round_off)
         return impulse, after, remaining
 
     @property

@@ -10,10 +10,8 @@ import math
 
 import numpy as np
 
-from msahl.contact.state import After
+from msahl.contact.state import UNSEEN, After
 
-HEIGHT = 4.0
-"""Height of rebounds, over the round-off of the gap, that is too small to be resolved."""
 SHARE = 0.1
 """Share of the accuracy asked for that omitted rebounds may take."""
 ACCURACY = 1e-9
@@ -43,7 +41,7 @@ def rebounds(after: After, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def unseen(height: np.ndarray, round_off: np.ndarray) -> np.ndarray:
     """(k,) whether rebounds of this ``height`` (k,) are too small to be resolved."""
-    found: np.ndarray = height <= HEIGHT * round_off
+    found: np.ndarray = height <= UNSEEN * round_off
     return found
 
 

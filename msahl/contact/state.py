@@ -23,6 +23,9 @@ LIFTED = 0.5
 """Overlap, over the round-off of the gap, that is removed at an event."""
 STILL = 1e-12
 """Rate of a gap or slip, over the largest speed so far, that is zero but for round-off."""
+UNSEEN = 4.0
+"""Height of rebounds or way of a slip, over the round-off of the gap, that is too small to be
+resolved."""
 END = 1e-6
 """Slip at the event that ends it, over the largest speed, that is zero: where its direction changes
 faster than steps resolve. The way that is left goes by its square."""

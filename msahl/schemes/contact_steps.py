@@ -82,6 +82,13 @@ class ContactSteps:
             condition = self._next_condition(method)
         return method
 
+    def only_begins(self, method: Any, event: Event) -> bool:
+        """Whether the ``event`` was sought as the end of a slip, and its beginning was found: a
+        smaller step is to be taken.
+        """
+        contact = method.detection.contact_of(event)
+        return bool(self.modes and contact is not None and self.modes.begins_to_slip(contact))
+
     def _resolve(self, method: Any, contact: int | None, jumped: bool = False) -> Any:
         if self.modes:
             self.modes.resolve(contact, jumped)

@@ -337,11 +337,14 @@ class FixedStepper:
         part *= 0.5 if halves else 1.0
         detection.begin(events < self.most_parts)
         begin, holds = self._saved(), detection.holds
-        outcome = self._solve(h, part, tried and part == 1.0, holds)
+        outcome, part = self._solve_part(h, part, tried and part == 1.0, holds)
         event = detection.look() if outcome.converged and events < self.most_parts else None
         failed = not outcome.converged
         if event and not event.ends_run:
             part = self._take_part(event, begin, h, part)
+            if self._is_missed(event, part) and not holds:
+                outcome, part = self._approach(event, begin, h)
+                event = None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
         if not failed:
             self.half_taken = halves and event is None
@@ -356,6 +359,23 @@ class FixedStepper:
             raise _Undivided
         return Outcome(math.inf, -1) if event else outcome, None, part
 
+    def _solve_part(
+        self, h: float, share: float, tried: bool, holds: bool
+    ) -> tuple[Outcome, float]:
+        """Do what ``_solve`` does, and return the share that is taken. With contacts one that is
+        hard becomes a part of its own: events are to be found in its first half, as the second
+        may have no solution beyond them.
+        """
+        if self.contacts is None or holds:
+            return self._solve(h, share, tried, holds), share
+        outcome = self._solve_once(share * h, share, tried)
+        for _ in range(MAX_SUBDIVISIONS):
+            if outcome.converged:
+                break
+            self.subdivisions, share = self.subdivisions + 1, 0.5 * share
+            outcome = self._solve_once(share * h, share, False)
+        return outcome, share
+
     def _solve(self, h: float, share: float, tried: bool, holds: bool) -> Outcome:
         """Take a ``share`` of a step ``h``, in substeps if it is hard; only once while it ``holds``
         switches, as what these hold may have no value beyond the level.
@@ -365,6 +385,25 @@ class FixedStepper:
         if tried and self._uses_compiled_loop():
             return Outcome(math.inf, -1)
         return self._solve_once(share * h, share, False)
+
+    def _is_missed(self, event: Event, part: float) -> bool:
+        """Whether contacts need a shorter step, as none of the fraction ``part`` leads to an
+        ``event``.
+        """
+        if self.contacts is None:
+            return False
+        begins = part == 0.0 and not event.at_start
+        return math.isnan(part) or (begins and self.contacts.only_begins(self.method, event))
+
+    def _approach(self, event: Event, begin: list[np.ndarray], h: float) -> tuple[Outcome, float]:
+        """Take a part of a step ``h`` half way to an ``event`` to which none can be taken: at the
+        end of a slip its direction must be nearly that at the start of the part.
+        """
+        self._go_back(begin)
+        self.reset_prediction()
+        share = 0.5 * (event.guess - float(begin[0][0])) / h
+        outcome, part = self._solve_part(h, share, False, False)
+        return outcome, part if outcome.converged and part > SHORTEST else math.nan
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the
