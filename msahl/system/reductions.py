@@ -16,9 +16,11 @@ are therefore zero, not small: every velocity and every guess passes through ``f
 
 import numpy as np
 
+from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations, is_active
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
+from msahl.elements.reactions import Reactions
 from msahl.formulations.absolute.frames import first_multiplier, ground_of, moving_count
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace, node_count
@@ -156,6 +158,21 @@ def drop_rows(system: System, held: np.ndarray) -> System:
         reactions=system.reactions._replace(first_equation=left[system.reactions.first_equation]),
         shown=system.shown._replace(load_equation=left[system.shown.load_equation]),
     )
+
+
+def loads_alone(system: System) -> tuple[System, np.ndarray]:
+    """Return the system without joints and constraint equations, and the numbers (q,) that the
+    coordinates which its forces need have in the ``system``: without equations those are all.
+    """
+    numbers = forces.coordinates_needed(system.forces)
+    used = np.flatnonzero(np.bincount(numbers[numbers >= 0]))
+    if system.scalar is not None:
+        system = drop_rows(system, np.ones(system.scalar.equations.law.size, dtype=bool))
+    alone = system._replace(
+        coincide=Coincide(*(array[:0] for array in system.coincide)),
+        reactions=Reactions(*(array[:0] for array in system.reactions)),
+    )
+    return alone, used
 
 
 def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates, np.ndarray]:

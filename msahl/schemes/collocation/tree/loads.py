@@ -8,6 +8,7 @@ import math
 
 from msahl.algebra.rotation import compose, matrix
 from msahl.algebra.vector import (
+    ZERO,
     Vector,
     add,
     at,
@@ -22,17 +23,16 @@ from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import Signals, Stages
 from msahl.formulations.absolute.frames import (
     displacement_node,
+    frame_count,
     rotation_node,
 )
 from msahl.jit.kernel import apart, kernel, optional
 from msahl.jit.lanes import LANES
 from msahl.ports import forces
-from msahl.schemes.collocation import equations
-from msahl.schemes.collocation.tree.stages import TreeStages
+from msahl.schemes.collocation.tree.stages import LoadNode, TreeStages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
 from msahl.system import evaluate
-from msahl.system.arrays import System
 
 
 @kernel
@@ -49,11 +49,11 @@ def set_loads(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: fl
     """Set the loads on all bodies at all nodes, and the work of the step's forces."""
     for w in range(stages.work.size):
         stages.work[w] = 0.0
-    _solve_states(workspace.system.forces.signals, tree, workspace, stages, h)
+    _solve_states(tree.node.system.forces.signals, tree, workspace, stages, h)
     for i in range(tree.nodes.shape[0]):
         set_node(tree, workspace, stages, h, i)
-        equations.set_force_accelerations(workspace.system, stages, h, i)
-        _take_loads(tree, workspace.system, stages, i)
+        _set_accelerations(tree.node, stages, h, i)
+        _take_loads(tree, i)
     for row in range(tree.motion.load.shape[0]):
         for i in range(tree.nodes.shape[0], LANES):
             tree.motion.load[row, i] = tree.motion.load[row, i - 1]
@@ -66,10 +66,10 @@ def _solve_states(
     """Set the auxiliary states at all nodes, which depend on the motion at all of them."""
     if group.rate.size == 0:
         return
-    system, node = workspace.system, stages.start.forces
+    system, node = tree.node.system, tree.node.start.forces
     for i in range(tree.nodes.shape[0]):
         set_node(tree, workspace, stages, h, i)
-        forces.set_signal_inputs(group, node, system.scalar, system.frames, stages.at_rest)
+        forces.set_signal_inputs(group, node, system.scalar, system.frames, tree.node.still)
         states.save_inputs(group, node.signals, stages.signals, i)
     states.solve(group, node.signals, stages.signals, workspace.state.auxiliary, h)
 
@@ -103,8 +103,9 @@ def body_motion(tree: TreeStages, b: int, i: int) -> tuple[Vector, Vector, Vecto
 
 @kernel
 def set_node(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float, i: int) -> None:
-    """Set ``stages.state`` and ``stages.start`` to the motion in lane ``i``."""
-    system, state, node = workspace.system, workspace.state, stages.state
+    """Set the state and the workspace of ``tree.node`` to the motion in lane ``i``."""
+    state, node, start = workspace.state, tree.node.state, tree.node.start
+    system, coordinate = tree.node.system, tree.node.coordinate
     node.time[0] = state.time[0] + h * stages.tableau.force_time[i]
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
@@ -114,21 +115,37 @@ def set_node(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: flo
         put(node.p, f, p)
         put(node.v, f, v)
         put(node.w, f, times(transpose(matrix(p)), W))
-    evaluate.prepare(system, node, stages.start)
-    inputs.save_reactions(system.forces.signals, stages.start.forces.signals, state.reaction)
-    for q in range(node.angle.size):
-        node.angle[q] = state.angle[q]
-    scalar.count_rotations(system.scalar, stages.start.scalar, node.angle)
+    evaluate.prepare(system, node, start)
+    inputs.save_reactions(system.forces.signals, start.forces.signals, state.reaction)
+    for q in range(coordinate.size):
+        node.angle[q] = state.angle[coordinate[q]]
+    scalar.count_rotations(system.scalar, start.scalar, node.angle)
 
 
 @kernel
-def _take_loads(tree: TreeStages, system: System, stages: StageArrays, i: int) -> None:
+def _set_accelerations(node: LoadNode, stages: StageArrays, h: float, i: int) -> None:
+    """Set the accelerations by all forces at the node ``i``, and add their work."""
+    system, start, rows = node.system, node.start, node.accelerations
+    frames, group, gravity = system.frames, system.scalar, system.bodies.gravity
+    for b in range(frame_count(frames)):
+        put(rows, displacement_node(frames, b), (gravity[0], gravity[1], gravity[2]))
+        put(rows, rotation_node(frames, b), ZERO)
+    reaction, dt = stages.reaction[i], h * stages.tableau.force_weight[i]
+    scalar.rates(group, start.scalar, frames, start.frames, node.still)
+    forces.set_node(system.forces, start.forces, stages.factor[i])
+    states.set_state(system.forces.signals, start.forces.signals, stages.signals, i)
+    forces.add_forces(system.forces, start.forces, group, frames, reaction, rows)
+    forces.add_power(system.forces, start.forces, group, reaction, dt, stages.work)
+
+
+@kernel
+def _take_loads(tree: TreeStages, i: int) -> None:
     """Set the loads of lane ``i`` from the accelerations by all forces."""
-    frames, load_rows = system.frames, tree.motion.load
+    frames, found, loads = tree.node.system.frames, tree.node.accelerations, tree.motion.load
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
         mass = tree.tree.mass[b]
-        force = scale(mass, at(stages.accelerations, displacement_node(frames, f)))
-        moment = scale(mass * frames.length[f], at(stages.accelerations, rotation_node(frames, f)))
+        force = scale(mass, at(found, displacement_node(frames, f)))
+        moment = scale(mass * frames.length[f], at(found, rotation_node(frames, f)))
         for c in range(3):
-            load_rows[6 * b + c, i], load_rows[6 * b + 3 + c, i] = moment[c], force[c]
+            loads[6 * b + c, i], loads[6 * b + 3 + c, i] = moment[c], force[c]

@@ -18,7 +18,9 @@ from msahl.schemes.collocation.tree import loop_stages
 from msahl.schemes.collocation.tree.loop_stages import LoopStages, new_loop_stages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.cut import Cut
+from msahl.system.reductions import loads_alone
 
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
@@ -32,11 +34,23 @@ MIXED = 8.0
 did not converge."""
 
 
+class LoadNode(NamedTuple):
+    """What the loads at one node need of its motion: no joints, no constraint equations."""
+
+    system: System  # see ``reductions.loads_alone``
+    coordinate: np.ndarray  # (q,) number in the complete system of each of its coordinates
+    state: State
+    start: SystemWorkspace
+    still: np.ndarray  # (nodes, 3) zero increments
+    accelerations: np.ndarray  # (nodes, 3) by the loads [m/s^2]
+
+
 class TreeStages(NamedTuple):
     """Work arrays of steps of one degree in joint coordinates."""
 
     tree: Tree
     motion: TreeMotion
+    node: LoadNode
     loops: LoopStages | None  # of closed loops; None: no code for them
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
@@ -61,6 +75,7 @@ def new_tree_stages(
     return TreeStages(
         tree=tree,
         motion=motion,
+        node=_new_load_node(system, workspace.state),
         loops=cut and new_loop_stages(cut, tree, system, tableau),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
@@ -71,6 +86,15 @@ def new_tree_stages(
         given=np.ones(chunk),
         figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0)),
     )
+
+
+def _new_load_node(system: System, state: State) -> LoadNode:
+    """Return the arrays of one node, in a ``state`` of the complete system."""
+    alone, coordinate = loads_alone(system)
+    own = State(*(array.copy() for array in state))._replace(angle=np.zeros(coordinate.size))
+    still, accelerations = np.zeros((2, node_count(alone), 3))
+    start = new_system_workspace(alone, own)
+    return LoadNode(alone, coordinate, own, start, still, accelerations)
 
 
 @optional()
