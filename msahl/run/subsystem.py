@@ -122,13 +122,13 @@ class SubsystemIntegrator:
         )
 
     @property
-    def _changes(self) -> bool:
-        """Whether constraints are not the same throughout a run."""
+    def changes(self) -> bool:
+        """Whether constraints are not the same throughout a run, whereby velocities may jump."""
         return bool(self.model.rigid_contacts or self.model.switched or self.model.events)
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
-        if self.storages is None or self.size >= LARGE or self._changes:
+        if self.storages is None or self.size >= LARGE or self.changes:
             return Storage()
         simulation = self.model.simulation
         kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
@@ -247,7 +247,7 @@ class SubsystemIntegrator:
         seconds.
         """
         self.storage.step_time = step_time
-        if self.storages and self.size < LARGE and not self._changes:
+        if self.storages and self.size < LARGE and not self.changes:
             self.storages.give_back(self.storage)
 
     def show_start(self) -> None:
