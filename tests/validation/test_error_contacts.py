@@ -17,5 +17,5 @@ def test_estimates_are_the_true_errors(case):
     assert all(cell.status == "completed" for cell in cells)
     ratios = [c.ratio for c in error.comparisons(cells) if c.clear]
     assert len(ratios) > len(cells)
-    assert LEAST < min(ratios)
+    assert min(ratios) > LEAST
     assert max(ratios) < MOST
