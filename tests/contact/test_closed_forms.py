@@ -116,7 +116,6 @@ def test_rope_goes_slack_and_taut_again():
     [
         ("preserving", 1000),
         pytest.param("preserving", 10_000, marks=pytest.mark.slow),
-        pytest.param("gauss2", 10_000, marks=pytest.mark.slow),
     ],
 )
 def test_lossless_impacts_keep_the_energy(scheme, impacts):
@@ -129,7 +128,7 @@ def test_lossless_impacts_keep_the_energy(scheme, impacts):
 
 
 def test_impact_oscillator_comes_to_one_impact_per_cycle():
-    """x'' + x = cos 2.2t, x <= 0, e = .8: deviations fall to e^2 in each cycle."""
+    """x'' + x = cos 2.2t, x <= 0, e = .8: deviations fall to .8 in each cycle."""
     lateral = ConcentratedLoad(
         *("Force", "Ball", (0.0,) * 3, (1.0, 0.0, 0.0), GROUND.name, (0.0,) * 3, GROUND.name),
         law=Law("sine", (1.0, 2.2, 0.5 * np.pi, 0.0)),
@@ -144,7 +143,7 @@ def test_impact_oscillator_comes_to_one_impact_per_cycle():
         contacts=(replace(wall, restitution=0.8),),
     )
     cycle = 2.0 * np.pi / 2.2
-    _, sink, events = run_events(model, "gauss3", cycle / 32.0, 80.0 * cycle)
+    _, sink, events = run_events(model, "gauss3", cycle / 32.0, 120.0 * cycle)
     hits = times(events, "impact")[-3:]
     assert np.diff(hits) == pytest.approx([cycle, cycle], abs=EXACT)
     assert [event[3] for event in events[-3:]] == pytest.approx([-1.8987487383113] * 3, abs=EXACT)

@@ -13,23 +13,23 @@ from tests.support.models import GROUND, body, build_model
 ROUND_OFF = 1e-11
 """Of places [m] and velocities [m/s] after some impacts of rods, each of which makes a difference
 about three times as large."""
-TURN = from_axis_angle((0.48, 0.6, 0.64), 1.1)
+ROTATION = from_axis_angle((0.48, 0.6, 0.64), 1.1)
 ENDS = (("Head", 0.5), ("Foot", -0.5))
 
 
-def turned(vector, R):
+def rotated(vector, R):
     return tuple((R @ vector).tolist())
 
 
-def rods(names=("A", "B"), turn=(0.0, 0.0, 0.0), backwards=False):
+def rods(names=("A", "B"), rotation=(0.0, 0.0, 0.0), backwards=False):
     """Two rods that are thrown, by velocities in their own axes, onto a rough floor; each has
     contacts at both ends.
     """
-    R, bodies, contacts = np.array(matrix(turn)), [], []
+    R, bodies, contacts = np.array(matrix(rotation)), [], []
     given = [((0.7, 0.2, 0.0), (1.0, 0.3, 0.0)), ((-0.4, 0.5, 0.1), (0.0, -1.0, -0.5))]
     for k, (name, (tilt, velocity)) in enumerate(zip(names, given, strict=True)):
-        place = turned((2.0 * k, 0.0, 0.7), R)
-        motion = {"velocity": velocity, "orientation": compose(turn, tilt)}
+        place = rotated((2.0 * k, 0.0, 0.7), R)
+        motion = {"velocity": velocity, "orientation": compose(rotation, tilt)}
         bodies.append(body(name, 1.0, (1 / 12, 1 / 12, 1e-3), place, **motion))
         for end, z in ENDS:
             floor = PlaneContact(
@@ -38,26 +38,26 @@ def rods(names=("A", "B"), turn=(0.0, 0.0, 0.0), backwards=False):
                 name,
                 (0.0, 0.0, 0.0),
                 (0.0, 0.0, z),
-                turned((0.0, 0.0, 1.0), R),
+                rotated((0.0, 0.0, 1.0), R),
             )
             contacts.append(replace(floor, friction=0.3, restitution=0.5))
     order = slice(None, None, -1 if backwards else 1)
     return build_model(
         bodies[order],
-        gravity=turned(DOWN, R),
+        gravity=rotated(DOWN, R),
         dt=0.01,
         t_final=0.6,
         contacts=tuple(contacts[order]),
     )
 
 
-def ends(model, turn=(0.0, 0.0, 0.0), backwards=False):
-    """Places (2, 3) of the rods' centres at the end, turned back, and their velocities (2, 3) in
+def ends(model, rotation=(0.0, 0.0, 0.0), backwards=False):
+    """Places (2, 3) of the rods' centres at the end, rotated back, and their velocities (2, 3) in
     their own axes; kinds of events by body and by end, and their times.
     """
     _, sink, events = run_events(model, "gauss3")
     states = sink.table("states")[-1, 1:].reshape(2, 4, 3)[:: -1 if backwards else 1]
-    found = np.vstack([states[:, 0] @ np.array(matrix(turn)), states[:, 2]])
+    found = np.vstack([states[:, 0] @ np.array(matrix(rotation)), states[:, 2]])
     first = model.bodies[-1 if backwards else 0].name
     told = sorted((round(e[0], 9), e[2].startswith(first), e[2][-4:], e[1]) for e in events)
     return found, told
@@ -71,7 +71,7 @@ def given():
 
 
 @pytest.mark.parametrize(
-    "how", [{"turn": TURN}, {"names": ("Z", "Y")}, {"backwards": True}], ids=str
+    "how", [{"rotation": ROTATION}, {"names": ("Z", "Y")}, {"backwards": True}], ids=str
 )
 def test_the_same_scene_moves_in_the_same_way(given, how):
     only = {key: value for key, value in how.items() if key != "names"}

@@ -87,9 +87,9 @@ def rolling_states(t: float) -> list[float]:
     v, w = 1.0 - a * slides, 2.5 * a * slides / 0.1
     x = slides - 0.5 * a * slides * slides + v * after
     angle = 0.5 * w * slides + w * after
-    turned = 4.0 * np.tan(0.25 * angle), v * np.cos(angle), v * np.sin(angle)  # in its own axes
-    place, spin = [x, 0.0, 0.1, 0.0, turned[0], 0.0], [0.0, w, 0.0]
-    return [*place, turned[1], 0.0, turned[2], *spin]
+    along = 4.0 * np.tan(0.25 * angle), v * np.cos(angle), v * np.sin(angle)  # in its own axes
+    place, spin = [x, 0.0, 0.1, 0.0, along[0], 0.0], [0.0, w, 0.0]
+    return [*place, along[1], 0.0, along[2], *spin]
 
 
 def stick_slip() -> Model:
