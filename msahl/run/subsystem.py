@@ -120,13 +120,13 @@ class SubsystemIntegrator:
         )
 
     @property
-    def _changes(self) -> bool:
-        """Whether constraints are not the same throughout a run."""
+    def changes(self) -> bool:
+        """Whether constraints are not the same throughout a run, whereby velocities may jump."""
         return bool(self.model.rigid_contacts or self.model.switched or self.model.events)
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
-        if self.storages is None or self.size >= LARGE or self._changes:
+        if self.storages is None or self.size >= LARGE or self.changes:
             return Storage()
         simulation = self.model.simulation
         kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
@@ -245,7 +245,7 @@ class SubsystemIntegrator:
         seconds.
         """
         self.storage.step_time = step_time
-        if self.storages and self.size < LARGE and not self._changes:
+        if self.storages and self.size < LARGE and not self.changes:
             self.storages.give_back(self.storage)
 
     def show_start(self) -> None:
@@ -301,7 +301,9 @@ def _new_stepper(
     instantaneous, span = details
     modes, switching = changing
     changes = modes is not None or switching is not None
-    given = Changing(modes.contacts if modes else None, switching.conditions if switching else None)
+    given = Changing(
+        modes.held.contacts if modes else None, switching.conditions if switching else None
+    )
     if not settings.degree:
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
@@ -341,11 +343,12 @@ def _new_modes(model: Model, workspace: Workspace) -> "ContactModes | None":
     if contacts is None:
         return None
     from msahl.contact.modes import ContactModes, ContactsUnsolved  # which few models need
+    from msahl.contact.state import ContactState
 
     settings, names = resolve(model.simulation), [side.name for side in model.contact_sides]
     asked = settings.local_tolerance if settings.accuracy is None else settings.accuracy
-    given = workspace.system, workspace.state, workspace.unknowns
-    modes = ContactModes(contacts, names, model.simulation.impact_law, asked, *given)
+    held = ContactState(contacts, workspace.system, workspace.state, workspace.unknowns)
+    modes = ContactModes(held, names, model.simulation.impact_law, asked)
     try:
         modes.begin()
     except ContactsUnsolved as error:

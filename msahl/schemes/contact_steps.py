@@ -44,14 +44,14 @@ class ContactSteps:
     @property
     def method(self) -> Any:
         """The method for the contacts that are closed and the elements that are engaged now."""
-        key = self.modes.key if self.modes else b""
+        key = self.modes.held.key if self.modes else b""
         key += self.switching.key if self.switching else b""
         if key not in self.methods:
             self.methods[key] = self.make(self._own_workspace())
         return self.methods[key]
 
     def _own_workspace(self) -> Workspace:
-        found = self.modes or self.switching
+        found = self.modes.held if self.modes else self.switching
         assert found is not None
         unknowns = found.unknowns
         return self.workspace._replace(
