@@ -52,10 +52,11 @@ def refined_reference(
         fine.times[-1] if good.all() else coarse.times[max(int(np.argmin(good)) - 1, 0)]
     )
     error = float(difference[good].max(initial=0.0))
-    reason = "would take longer than the study may" if checked else "knows no contacts and events"
+    reason = "would take longer than the study may" if checked else "has no contacts and events"
     description = (
-        f"The reference is msahl itself, because the independent integrator {reason}. It is a run by {fine.description}. A run by {coarse.description} differs "
-        f"from it by up to {error:.1e} m in position{_check(fine, checked, horizon)}"
+        f"The reference is msahl itself, because the independent integrator {reason}. It is a run "
+        f"by {fine.description}. A run by {coarse.description} differs from it by up to "
+        f"{error:.1e} m in position{_check(fine, checked, horizon)}"
     )
     description += "." if good.all() else f"; after t = {horizon:.4g} s they differ by more."
     return replace(fine, description=description, horizon=horizon, error=error)

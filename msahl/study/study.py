@@ -13,6 +13,7 @@ from msahl.jit.compiled import working_clock
 from msahl.model import resolve
 from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
 from msahl.records import record
+from msahl.results.read import ResultError
 from msahl.study.command import Command, command_arguments
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
@@ -27,7 +28,7 @@ from msahl.study.search import Observer, Search
 TIMES = 1001
 """Number of times at which a reference is compared with another."""
 NOT_INDEPENDENT = (
-    "the independent integrator knows neither contacts nor events: use --reference auto, which is "
+    "the independent integrator has neither contacts nor events: use --reference auto, which is "
     "msahl itself at small steps, or a stored run"
 )
 OF_REFERENCE = 0.35

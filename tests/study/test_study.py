@@ -84,14 +84,14 @@ def test_orders_through_impacts(scheme, order):
     """A pendulum that hits a wall: five impacts, compared with runs at small steps."""
     model = deck("contact/pendulum_at_a_wall", t_final=1.5)
     result = study(Plan(model, (0.04, 0.02, 0.01, 0.005), (scheme,), repeats=1))
-    assert "knows no contacts and events" in result.reference.description
+    assert "has no contacts and events" in result.reference.description
     fit = result.fits[scheme, "orientation"]
     assert fit is not None
     assert fit.order == pytest.approx(order, abs=0.3)  # steps that events end are shorter
     assert result.fits.get((scheme, "instantaneous_reaction")) is None
 
 
-def test_an_independent_reference_knows_no_contacts():
+def test_an_independent_reference_has_no_contacts():
     with pytest.raises(ResultError, match="neither contacts nor events: use --reference auto"):
         study(patient_plan(deck("contact/pendulum_at_a_wall"), HALVED, ("preserving",), repeats=1))
 

@@ -67,7 +67,6 @@ def linearize(
     Raises ``OptionError`` for names that do not exist, ``StartError`` where there is no such model,
     or if it has contacts or events.
     """
-    require_no_contacts(point.model)
     _check(point, inputs, outputs, states)
     point = with_signals(point, inputs)
     here = evaluated(point.system, point.state)
@@ -153,6 +152,7 @@ def _check(point: Point, inputs: Sequence[str], outputs: Sequence[str], states: 
     """Raise ``OptionError`` for inputs and outputs that do not exist, or another choice of states,
     all at once.
     """
+    require_no_contacts(point.model)
     known = [name for names in columns_by_table(point.model).values() for name in names]
     every, twice = set(known), sorted({name for name in outputs if outputs.count(name) > 1})
     faults = input_faults(point, inputs)
