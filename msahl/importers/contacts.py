@@ -40,9 +40,9 @@ class Candidate(NamedTuple):
     along: Along | None = None
 
 
-def leave_out(robot: Robot, options: ImportOptions, log: Log) -> None:
+def omit_unwanted(robot: Robot, options: ImportOptions, log: Log) -> None:
     """Take those stops and contacts out of a robot that are not wanted."""
-    words = f"--contacts {options.contacts} leaves it out:"
+    words = f"--contacts {options.contacts} omits it:"
     axes = [axis for link in robot.links.values() for axis in link.axes]
     for axis in axes if options.contacts == NONE else ():
         if axis.limit is not None:
@@ -110,7 +110,7 @@ def apart(
             words = "".join(finding.message for finding in overlap_findings(contact, context))
             words = words.partition(" at t = 0")[0]
         if words:
-            log.lost(element, f"{words} at t = 0, so this contact is left out; {ELSEWHERE}")
+            log.lost(element, f"{words} at t = 0, so this contact is omitted; {ELSEWHERE}")
             continue
         if element.tag != OF_URDF:
             log.changed(element, RIGID)
@@ -128,11 +128,11 @@ def _coordinate(joint: Joint, name: str, context: Context) -> float:
 
 def _counted(limit: JointLimit, difference: float) -> JointLimit:
     """Return a limit whose angles count as runs count them, whose value at t = 0 has this
-    ``difference`` [rad] to that of the file: whole revolutions, and rounding errors."""
-    turns = round(difference / math.tau) if limit.coordinate == "angle" else 0
-    if not turns or limit.lower is None or limit.upper is None:
+    ``difference`` [rad] to that of the file: revolutions, and rounding errors."""
+    revolutions = round(difference / math.tau) if limit.coordinate == "angle" else 0
+    if not revolutions or limit.lower is None or limit.upper is None:
         return limit
-    shift = turns * math.tau
+    shift = revolutions * math.tau
     return replace(limit, lower=limit.lower + shift, upper=limit.upper + shift)
 
 

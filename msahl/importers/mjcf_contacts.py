@@ -117,8 +117,8 @@ def _spheres(geom: Geom) -> tuple[list[np.ndarray], float]:
     if geom.kind == "box":
         corners = product(*((-half, half) for half in geom.size))
         return [_at(geom, corner) for corner in corners], 0.0
-    radius, *halves = geom.size
-    ends = [(0.0, 0.0, sign * half) for half in halves for sign in (-1.0, 1.0)]
+    radius, *lengths = geom.size
+    ends = [(0.0, 0.0, sign * h) for h in lengths for sign in (-1.0, 1.0)]
     return [_at(geom, end) for end in ends or [(0.0, 0.0, 0.0)]], radius
 
 

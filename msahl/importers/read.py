@@ -12,7 +12,7 @@ from msahl.deck.faults import DeckError, Element, Faults
 from msahl.deck.parse import parse, read_bytes
 from msahl.deck.source import Source
 from msahl.importers.build import build
-from msahl.importers.contacts import apart, leave_out
+from msahl.importers.contacts import apart, omit_unwanted
 from msahl.importers.deck_text import deck_text
 from msahl.importers.meshes import MeshFiles
 from msahl.importers.mjcf import read_mjcf
@@ -67,7 +67,7 @@ def _imported(
     _set_pose(root, robot, options, log)
     _follow(robot)
     log.raise_if_any()
-    leave_out(robot, options, log)
+    omit_unwanted(robot, options, log)
     built = build(robot, options, log)
     format_ = FORMATS[str(root.tag)]
     source = Source(target, deck_text(built, format_, path.name))

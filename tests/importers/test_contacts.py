@@ -61,7 +61,7 @@ def test_a_joint_that_starts_outside_its_range_has_no_stop(imported_mjcf, value,
     assert any(words and words in text for text in notes(found)) == bool(words)
 
 
-def test_angles_beyond_half_a_turn_are_counted_as_runs_count_them(imported_mjcf):  # noqa: F811
+def test_angles_beyond_half_a_revolution_are_counted_as_runs_count_them(imported_mjcf):  # noqa: F811
     world = body(hinge("h", 'range="180 300"') + geom())
     (stop,) = contacts(imported_mjcf(world, pose={"h": 4.0}))
     assert (stop.lower, stop.upper) == pytest.approx((-math.pi, -math.pi / 3.0))
@@ -173,11 +173,11 @@ def test_a_shape_below_the_plane_has_no_contact(imported_mjcf):  # noqa: F811
     assert any("it is 0.06 m below the plane at t = 0" in text for text in notes(found))
 
 
-def test_contacts_alone_may_be_left_out(imported_mjcf):  # noqa: F811
+def test_contacts_alone_may_be_omitted(imported_mjcf):  # noqa: F811
     world = FLOOR + body(hinge("h", 'range="-30 30"') + geom(), HIGH)
     found = imported_mjcf(world, contacts="limits")
     assert [type(one) for one in contacts(found)] == [JointLimit]
-    assert any("--contacts limits leaves it out" in text for text in notes(found))
+    assert any("--contacts limits omits it" in text for text in notes(found))
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """Load cards of Nastran: bulk data in large fields.
 
-RFORCE has the centrifugal force of an angular velocity, outwards, and the force m alpha x (r - r_G)
-of an angular acceleration, along it, as OptiStruct documents the card: that of inertia is of -alpha.
-Both are in revolutions.
+RFORCE has the centrifugal force of an angular velocity, outwards, and the force
+m alpha x (r - r_G) of an angular acceleration, along it, as OptiStruct documents the card: that of
+inertia is of -alpha. Both are in revolutions.
 """
 
 import math
@@ -46,8 +46,8 @@ def _case(k: int, case: Case) -> Iterator[str]:
         vector, is_acceleration = rates
         if size(vector) > 0.0:
             sets.append(1000 * k + place)
-            turns = size(vector) / math.tau
-            scales = (0.0, turns) if is_acceleration else (turns, 0.0)
+            revolutions = size(vector) / math.tau
+            scales = (0.0, revolutions) if is_acceleration else (revolutions, 0.0)
             direction = vector / size(vector)
             yield from _card(
                 "RFORCE", (sets[-1], FIRST_NODE, 0, scales[0], *direction, "", scales[1])

@@ -70,7 +70,7 @@ class Instant(NamedTuple):
 
 
 class _Part:
-    """A model with all or some of its loads, at the rows of a run one after the other."""
+    """A model with all or some of its loads, at the output times of a run one after the other."""
 
     def __init__(self, model: Model, run: Run) -> None:
         self.system: System = build_system(model)
