@@ -123,6 +123,7 @@ class ContactModes:
         have rates. Raises ``ContactsUnsolved``.
         """
         _, gap, _ = self.held.gaps()
+        of_contacts.choose_tangents(self.held.system, self.held.work_arrays)
         contacts = self.held.contacts
         was, near = self.held.closed, gap <= TOUCHING * contacts.round_off
         near &= contacts.acts

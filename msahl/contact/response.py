@@ -16,7 +16,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import at
-from msahl.elements.constraints import scalar
+from msahl.elements.constraints import scalar, surfaces
 from msahl.formulations.absolute.frames import (
     first_multiplier,
     moving_count,
@@ -128,6 +128,13 @@ def gaps(
     scalar.values(system.scalar, start.scalar, start.frames, value, rate)
     q = system.scalar.equations.coordinate[contacts.row, 0]
     return value, contacts.sign * (value[q] - contacts.limit), rate
+
+
+def choose_tangents(system: System, work_arrays: WorkArrays) -> None:
+    """Take tangents of the contacts for an event, in the configuration of the last ``gaps``."""
+    assert system.scalar is not None
+    m = system.scalar.coordinates.products
+    surfaces.choose_axes(m.surfaces, m, work_arrays.start.scalar.coordinates.products)
 
 
 def accelerations(

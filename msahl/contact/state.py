@@ -155,7 +155,7 @@ class ContactState:
         mu = self.contacts.friction[which]
         if grips and still is not None:
             rough = still & (self.contacts.sliding[which] >= 0)
-            mu = np.where(rough, group.grip[self.contacts.sliding[which]], mu)
+            mu = np.where(rough, np.abs(group.grip[self.contacts.sliding[which]]), mu)
         count = which.size
         return Cones(
             np.arange(count), response.tangent, mu, np.zeros(count), np.full((count, 2), np.nan)
@@ -226,7 +226,8 @@ class ContactState:
             sticks[own[after.sticks & presses]] = True
             set_sticking(system, sticks, value)
             slides = presses & ~after.sticks & (own >= 0)
-            group.friction[own[slides]] = self.contacts.friction[which[slides]]
+            signed = self.contacts.sign * self.contacts.friction
+            group.friction[own[slides]] = signed[which[slides]]
             group.toward[own[slides]] = after.toward[slides]
             group.still[:] = STILL * self.fastest
             if sticks.any():
