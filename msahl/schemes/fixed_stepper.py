@@ -364,17 +364,19 @@ class FixedStepper:
     ) -> tuple[Outcome, float]:
         """Do what ``_solve`` does, and return the share that is taken. With contacts one that is
         hard becomes a part of its own: events are to be found in its first half, as the second
-        may have no solution beyond them.
+        may have no solution beyond them, or one that slow solvers find and no motion has.
         """
         if self.contacts is None or holds:
             return self._solve(h, share, tried, holds), share
-        outcome = self._solve_once(share * h, share, tried)
-        for _ in range(MAX_SUBDIVISIONS):
-            if outcome.converged:
-                break
-            self.subdivisions, share = self.subdivisions + 1, 0.5 * share
-            outcome = self._solve_once(share * h, share, False)
-        return outcome, share
+        part = share
+        for k in range(MAX_SUBDIVISIONS if self._uses_compiled_loop() else 0):
+            if k > 0 or not tried:
+                outcome = self.method.take_step(part * h, part)
+                if outcome.converged:
+                    return outcome, part
+                self.reset_prediction()
+            self.subdivisions, part = self.subdivisions + 1, 0.5 * part
+        return self._solve(h, share, tried, False), share
 
     def _solve(self, h: float, share: float, tried: bool, holds: bool) -> Outcome:
         """Take a ``share`` of a step ``h``, in substeps if it is hard; only once while it ``holds``

@@ -32,12 +32,11 @@ def by_enumeration(W, q):
     return None
 
 
-@pytest.mark.parametrize("problems", [100, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("velocities", [1, 3, 8])
 @pytest.mark.parametrize("contacts", [1, 2, 3, 4])
-def test_rates_after_are_those_of_enumeration(contacts, velocities, problems):
+def test_rates_after_are_those_of_enumeration(contacts, velocities):
     rng = np.random.default_rng(contacts + 10 * velocities)
-    for _ in range(problems):
+    for _ in range(100):
         G, W = random_response(rng, contacts, velocities)
         q = G @ rng.normal(size=velocities)  # so that a solution exists, as of a mechanism's rates
         z = solve(W, q)
