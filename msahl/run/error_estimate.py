@@ -28,7 +28,8 @@ Errors are those of the published numbers: positions of the bodies' reference po
 orientations as angle times the body's length [m], velocities [m/s] and angular velocities [rad/s]
 in body axes, joint forces [N] and moments [N m], loads of couplings and prescribed motions, and
 signals, auxiliary states and loads of actuators, each by itself (``signal_errors``). Where contacts
-or events make velocities jump, errors of velocities and reactions count if they last (``lasting``).
+or events make velocities jump, vibrations are looked for, and reactions judged, by errors that last
+(``lasting``).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -109,7 +110,8 @@ class ErrorEstimate:
         self.signals = SignalErrors(model, integrators)
         self.history = ErrorHistory()
         self.speeds = [np.zeros((2, len(one))) for one in self.lengths]  # highest so far
-        # Where velocities may jump, they and reactions count as far as their errors last.
+        self.lasting = dict.fromkeys(REACTION_FIGURES, 0.0)  # errors of reactions that last
+        # What is a jump where velocities may do so is no vibration, and spoils no reactions.
         changing = [k for k, one in enumerate(integrators) if one.changes]
         self.lasting_rates = {k: Lasting(2 * len(self.lengths[k])) for k in changing}
         self.lasting_reactions = {k: Lasting(len(self.columns[k])) for k in changing}
@@ -203,11 +205,12 @@ class ErrorEstimate:
         speeds = np.maximum.accumulate(np.concatenate([self.speeds[k][None], speeds]))[1:]
         self.speeds[k] = speeds[-1]
         velocity = apart[:, :, 1]
+        lasting = np.concatenate([velocity, angular], axis=1)
         if k in self.lasting_rates:
-            both = self.lasting_rates[k].add(np.concatenate([velocity, angular], axis=1))
-            velocity, angular = np.split(both, 2, axis=1)
-        reversed_velocity = np.where(velocity > REVERSED * speeds[:, 0], velocity, 0.0)
-        reversed_angular = np.where(angular > REVERSED * speeds[:, 1], angular * lengths, 0.0)
+            lasting = self.lasting_rates[k].add(lasting)
+        linear, rotary = np.split(lasting, 2, axis=1)
+        reversed_velocity = np.where(linear > REVERSED * speeds[:, 0], linear, 0.0)
+        reversed_angular = np.where(rotary > REVERSED * speeds[:, 1], rotary * lengths, 0.0)
         hidden = h[:, None] / np.pi if self.is_free[k] else np.zeros((m, 1))
         position = np.maximum(np.maximum(apart[:, :, 0], floor), hidden * reversed_velocity)
         angle = np.maximum(np.maximum(angle, ROUND_OFF * lengths), hidden * reversed_angular)
@@ -229,9 +232,11 @@ class ErrorEstimate:
                 errors[kind] = np.linalg.norm(apart[:, columns], axis=2).max(axis=1)
                 size = float(np.linalg.norm(mine[:, columns], axis=2).max())
                 self.sizes[kind] = max(self.sizes[kind], size)
+        lasting = np.stack([*errors.values()], axis=1)
         if k in self.lasting_reactions:
-            lasting = self.lasting_reactions[k].add(np.stack([*errors.values()], axis=1))
-            errors = dict(zip(errors, lasting.T, strict=True))
+            lasting = self.lasting_reactions[k].add(lasting)
+        for kind, values in zip(errors, lasting.T, strict=True):
+            self.lasting[kind] = max(self.lasting[kind], float(values.max()))
         return errors
 
     def add_damped(
@@ -339,6 +344,7 @@ class ErrorEstimate:
             "speeds": [speeds.tolist() for speeds in self.speeds],
             "stopped": self.stopped,
             "sizes": dict(self.sizes),
+            "lastingReactions": dict(self.lasting),
             "takenByHalf": self.taken_by_half.tolist(),
             "signals": self.signals.numbers(),
             "lasting": [one.last.tolist() for one in self._lasting()],
@@ -350,6 +356,7 @@ class ErrorEstimate:
         self.history.restore(numbers)
         self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
         self.sizes = dict(numbers["sizes"])
+        self.lasting = dict(numbers["lastingReactions"])
         self.taken_by_half = np.array(numbers["takenByHalf"])
         self.signals.restore(numbers["signals"])
         for one, last in zip(self._lasting(), numbers["lasting"], strict=True):
@@ -371,6 +378,7 @@ class ErrorEstimate:
         reactions = [kind for kind in REACTION_FIGURES if kind in shown]
         if reactions:
             shown["largest"] = {kind: self.sizes[kind] for kind in reactions}
+            shown["lasting"] = {kind: self.lasting[kind] for kind in reactions}
         if self.signals.names:
             shown["signals"] = self.signals.as_json()
         accuracy = {}
