@@ -137,6 +137,14 @@ class ContactSteps:
         left = self.modes.next_touch - float(self.workspace.state.time[0])
         return left if left > 0.0 else math.inf
 
+    def give_up(self, parts: int) -> None:
+        """Note that one step became so many ``parts``."""
+        t = float(self.workspace.state.time[0])
+        self.trouble = (
+            f"one step became {parts} parts before t = {t:.9g} s: slips of contacts there are too "
+            "hard to resolve; reduce --dt, or the friction of contacts with light bodies"
+        )
+
     def fail(self, error: ContactsUnsolved | None) -> None:
         """Note why the steps end: an ``error``, or too many events."""
         t = float(self.workspace.state.time[0])

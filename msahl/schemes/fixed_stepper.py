@@ -39,6 +39,9 @@ MAX_PARTS = 16
 rest of the step is taken as if there were no events."""
 
 
+MOST_PIECES = 500
+"""Largest number of parts into which contacts divide a step, events or not: those of a step whose
+equations have no solution become ever shorter."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
 
@@ -283,6 +286,11 @@ class FixedStepper:
             elif part > 0.0:
                 self._record(chunk, step, ends[-1], ends[-1] + part)
                 ends.append(ends[-1] + part)
+            if len(ends) > MOST_PIECES and self.contacts:
+                self.contacts.give_up(len(ends))
+                self._go_back(before)
+                self._restore_contacts(modes)
+                return Outcome(math.inf, -1), None, []
             if event and self.method.detection:
                 events += 1
                 crossed, stop = self._cross(event, events), None
