@@ -136,6 +136,7 @@ class FixedStepper:
         self.requests = Requests()
         self.armed = math.inf
         self.halves_parts = self.half_taken = False
+        self.solved_part = math.inf  # share of a step of the last part that was shorter than asked
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
@@ -265,7 +266,7 @@ class FixedStepper:
         """
         before, ends, events = self._saved(), [0.0], 0
         modes = self.contacts.counters if self.contacts else {}
-        self.half_taken = False
+        self.half_taken, self.solved_part = False, math.inf
         self.reset_prediction()
         while True:
             try:
@@ -309,6 +310,7 @@ class FixedStepper:
         """
         assert self.method.detection
         self.method.detection.cross(event)
+        self.solved_part = math.inf
         if self.contacts is None:
             return True
         from msahl.contact.modes import ContactsUnsolved  # which few models need
@@ -372,15 +374,17 @@ class FixedStepper:
     ) -> tuple[Outcome, float]:
         """Do what ``_solve`` does, and return the share that is taken. With contacts one that is
         hard becomes a part of its own: events are to be found in its first half, as the second
-        may have no solution beyond them, or one that slow solvers find and no motion has.
+        may have no solution beyond them, or one that slow solvers find and no motion has. Parts
+        begin with twice the last one that could be solved.
         """
         if self.contacts is None or holds:
             return self._solve(h, share, tried, holds), share
-        part = share
+        part = min(share, 2.0 * self.solved_part)
         for k in range(MAX_SUBDIVISIONS if self._uses_compiled_loop() else 0):
             if k > 0 or not tried:
                 outcome = self.method.take_step(part * h, part)
                 if outcome.converged:
+                    self.solved_part = part if part < share else math.inf
                     return outcome, part
                 self.reset_prediction()
             self.subdivisions, part = self.subdivisions + 1, 0.5 * part
