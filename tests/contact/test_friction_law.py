@@ -6,8 +6,6 @@ import pytest
 from msahl.contact.friction import Cones, Jammed, solve
 from msahl.contact.impact import SeveralAtOnce, impulses
 
-MECHANISMS = 300
-"""Random mechanisms that are tried."""
 EXACT = 4e-12
 """Violation of a condition, over the terms: units of contacts differ from those of the solution."""
 
@@ -40,13 +38,14 @@ def mechanism(rng):
     return count, 0.5 * (W + W.T), G @ u
 
 
-def test_random_mechanisms():
+@pytest.mark.parametrize("mechanisms", [300, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_random_mechanisms(mechanisms):
     """The conditions of the problem itself, which no method solves here; poisson gains no energy.
 
     Newton's method leaves 1e-12 of the largest term (``friction.EXACT``).
     """
     rng, tried = np.random.default_rng(36), 0
-    for _ in range(MECHANISMS):
+    for _ in range(mechanisms):
         (count, W, v), mu, e = mechanism(rng), 1.5 * rng.random(), rng.random()
         if not (v[:count] < 0.0).any():
             continue
@@ -65,7 +64,7 @@ def test_random_mechanisms():
             assert np.abs(aligned).max() <= near * size
         L = impulses("poisson", W, v, np.full(count, e), given)
         assert L @ (v + 0.5 * W @ L) <= near * size
-    assert tried > 0.6 * MECHANISMS
+    assert tried > 0.6 * mechanisms
 
 
 def stepped(W, v, L_n, mu, steps=4000):

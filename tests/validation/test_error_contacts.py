@@ -15,8 +15,7 @@ def test_estimates_are_the_true_errors(case):
     """Through impacts, reversals, breaks and ends of slips, at steps of 1 to 1/16."""
     cells = error.run_cells(case, only=SCHEMES, tolerances=())
     assert all(cell.status == "completed" for cell in cells)
-    # Estimates of velocities do not count what differs at one output time only (run/lasting.py).
-    found = [c for c in error.comparisons(cells) if c.clear and c.quantity != "velocity"]
+    found = [c for c in error.comparisons(cells) if c.clear]
     ratios = [c.ratio for c in found]
     assert len(ratios) > len(cells) // 2
     assert min(ratios) > LEAST
