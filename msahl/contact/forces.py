@@ -114,7 +114,7 @@ def _impending(contacts: ContactState, response: Response, k: int) -> np.ndarray
 
 def _solve_forces(response: Response, b: np.ndarray, cones: Cones, rests: np.ndarray) -> np.ndarray:
     """Return the forces (m,) of the contacts ``rests``."""
-    count, t = response.which.size, cones.tangent[rests]
+    t = cones.tangent[rests]
     used = np.concatenate([rests, t[t >= 0]])
     number = np.full(b.size + 1, -1)
     number[used] = np.arange(used.size)
@@ -125,7 +125,6 @@ def _solve_forces(response: Response, b: np.ndarray, cones: Cones, rests: np.nda
             force[used] = friction.solve(response.W[np.ix_(used, used)], b[used], own)
         except Jammed as error:
             raise Jammed(int(rests[error.contact]), *error.args[1:]) from error
-    assert count <= b.size
     return force
 
 

@@ -21,17 +21,12 @@ from msahl.contact.impact import SeveralAtOnce, impulses
 from msahl.contact.rebounds import accuracy_of_end, rebounds, time_to_next, unseen
 from msahl.contact.record import Before, ContactRecord
 from msahl.contact.response import Response
-from msahl.contact.state import After, Cause, ContactState
+from msahl.contact.state import OVERLAP, TOUCHING, After, Cause, ContactState
 from msahl.start.velocities import StartError, solve_accelerations
 from msahl.system.contacts import set_closed, set_sticking
 
-TOUCHING = 10.0
-"""Gap, over its round-off, of a contact that takes part in an event of another."""
 MOST_AT_ONCE = 200
 """Most events at one time."""
-OVERLAP = 1e4
-"""Overlap at t = 0, over the round-off of the gap, that is that of the digits a deck omits: 1e-9
-of the size of the model."""
 
 
 class ContactsUnsolved(Exception):  # noqa: N818 - an outcome

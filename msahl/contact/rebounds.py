@@ -30,9 +30,7 @@ def rebounds(after: After, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     or rad]; infinite where there is none.
     """
     left, height = np.full((2, e.size), math.inf)
-    v, a = after.speed[: e.size], -after.acceleration[: e.size]
-    falls = (v > 0.0) & (a > 0.0)
-    v, a = v[falls], a[falls]
+    falls, v, a = _rising(after, e.size)
     height[falls] = 0.5 * v * v / a
     with np.errstate(divide="ignore"):
         left[falls] = 2.0 * v / (a * (1.0 - e[falls]))
@@ -47,6 +45,14 @@ def unseen(height: np.ndarray, round_off: np.ndarray) -> np.ndarray:
 
 def time_to_next(after: After, count: int) -> float:
     """Return a time [s] shortly after the next rebound of ``count`` contacts, infinite without."""
+    _, v, a = _rising(after, count)
+    return BEYOND * float((2.0 * v / a).min(initial=math.inf))
+
+
+def _rising(after: After, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which of ``count`` contacts open and will fall back (k,), their speeds v and the
+    accelerations a by which they come back.
+    """
     v, a = after.speed[:count], -after.acceleration[:count]
     falls = (v > 0.0) & (a > 0.0)
-    return BEYOND * float((2.0 * v[falls] / a[falls]).min(initial=math.inf))
+    return falls, v[falls], a[falls]

@@ -31,6 +31,8 @@ END = 1e-6
 faster than steps resolve. The way that is left goes by its square."""
 CHANGING = ("friction", "toward", "still")
 """Arrays of the contacts with friction that change during a run."""
+TOUCHING = 10.0
+"""Gap, over its round-off, of a contact that touches: closed joints leave one of it."""
 OVERLAP = 1e4
 """Overlap at t = 0, over the round-off of the gap, that is that of the digits a deck omits: 1e-9
 of the size of the model."""

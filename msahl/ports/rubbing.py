@@ -100,17 +100,22 @@ def _as_pushing(
     )
 
 
+@kernel
+def _resist(group: Rubbing, k: int, N: float, s: tuple[float, float], load: np.ndarray) -> None:
+    """Add the friction of contact ``k`` at the slip ``s`` to the coordinates' loads."""
+    c, _ = drag(group.friction[k], group.width[k], s[0], s[1])
+    load[group.along[k, 0]] -= c * N * s[0]
+    load[group.along[k, 1]] -= c * N * s[1]
+
+
 @optional()
 def add_loads(group: Rubbing, along: AlongForces, laws: Laws, place: ScalarWorkspace) -> None:
     """Add the friction to the coordinates' loads, after ``scalar.rates``."""
     load = place.coordinates.load
     for k in range(group.normal.size):
         N, _, _ = pushes(group, along, laws, place, k)
-        first, second = group.along[k, 0], group.along[k, 1]
-        s_1, s_2 = place.rate[first], place.rate[second]
-        c, _ = drag(group.friction[k], group.width[k], s_1, s_2)
-        load[first] -= c * N * s_1
-        load[second] -= c * N * s_2
+        s = place.rate[group.along[k, 0]], place.rate[group.along[k, 1]]
+        _resist(group, k, N, s, load)
 
 
 @optional()
@@ -213,11 +218,8 @@ def add_mean_loads(
     change, load = place.coordinates.change, place.coordinates.load
     for k in range(group.normal.size):
         N, _, _ = pushes_over(group, along, laws, place, k, h)
-        first, second = group.along[k, 0], group.along[k, 1]
-        s_1, s_2 = change[first] / h, change[second] / h
-        c, _ = drag(group.friction[k], group.width[k], s_1, s_2)
-        load[first] -= c * N * s_1
-        load[second] -= c * N * s_2
+        s = change[group.along[k, 0]] / h, change[group.along[k, 1]] / h
+        _resist(group, k, N, s, load)
 
 
 @optional()

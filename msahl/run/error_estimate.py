@@ -344,10 +344,10 @@ class ErrorEstimate:
             "speeds": [speeds.tolist() for speeds in self.speeds],
             "stopped": self.stopped,
             "sizes": dict(self.sizes),
-            "lastingReactions": dict(self.lasting),
+            "lasting": dict(self.lasting),
             "takenByHalf": self.taken_by_half.tolist(),
             "signals": self.signals.numbers(),
-            "lasting": [one.last.tolist() for one in self._lasting()],
+            "medians": [one.last.tolist() for one in self._medians()],
         }
 
     def restore(self, numbers: dict[str, Any]) -> None:
@@ -356,14 +356,14 @@ class ErrorEstimate:
         self.history.restore(numbers)
         self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
         self.sizes = dict(numbers["sizes"])
-        self.lasting = dict(numbers["lastingReactions"])
+        self.lasting = dict(numbers["lasting"])
         self.taken_by_half = np.array(numbers["takenByHalf"])
         self.signals.restore(numbers["signals"])
-        for one, last in zip(self._lasting(), numbers["lasting"], strict=True):
+        for one, last in zip(self._medians(), numbers["medians"], strict=True):
             one.last = np.array(last)
         self.kept = None  # the rows before are missing
 
-    def _lasting(self) -> Iterator[Lasting]:
+    def _medians(self) -> Iterator[Lasting]:
         """The medians of all subsystems that have them."""
         yield from (*self.lasting_rates.values(), *self.lasting_reactions.values())
 

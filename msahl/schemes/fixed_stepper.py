@@ -278,8 +278,7 @@ class FixedStepper:
             tried = False
             if not outcome.converged or (event and event.ends_run):
                 self.reset_prediction()
-                self._go_back(before)
-                self._restore_contacts(modes)
+                self._undo(before, modes)
                 return outcome, event if outcome.converged else None, []
             done = ends[-1] + part >= 1.0 - SHORTEST
             if done:
@@ -289,8 +288,7 @@ class FixedStepper:
                 ends.append(ends[-1] + part)
             if len(ends) > MOST_PIECES and self.contacts:
                 self.contacts.give_up(len(ends))
-                self._go_back(before)
-                self._restore_contacts(modes)
+                self._undo(before, modes)
                 return Outcome(math.inf, -1), None, []
             if event and self.method.detection:
                 events += 1
@@ -298,8 +296,7 @@ class FixedStepper:
                 if crossed and self.contacts:
                     stop = self.method.detection.stop_in_jump()
                 if stop or not crossed:
-                    self._go_back(before)
-                    self._restore_contacts(modes)
+                    self._undo(before, modes)
                     return outcome if stop else Outcome(math.inf, -1), stop, []
             if done:
                 return outcome, None, ends[1:]
@@ -324,7 +321,9 @@ class FixedStepper:
             self.contacts.fail(None)
         return events < self.most_parts
 
-    def _restore_contacts(self, counters: dict[str, Any]) -> None:
+    def _undo(self, before: list[np.ndarray], counters: dict[str, Any]) -> None:
+        """Return to the state ``before`` a step, and to the contacts of these ``counters``."""
+        self._go_back(before)
         if self.contacts:
             self.contacts.restore(counters)
             self.method = self.contacts.enter(self.method)

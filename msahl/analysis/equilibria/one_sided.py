@@ -15,8 +15,9 @@ import numpy as np
 
 from msahl.analysis.equilibria.equilibrium import Solution
 from msahl.analysis.linearised.point import Point
-from msahl.analysis.linearised.touching import TOUCHING, in_mode
+from msahl.analysis.linearised.touching import in_mode
 from msahl.contact.response import gaps
+from msahl.contact.state import TOUCHING
 from msahl.start.velocities import StartError
 from msahl.system.work_arrays import new_work_arrays
 

@@ -21,6 +21,7 @@ from msahl.analysis.linearised.projection import close
 from msahl.analysis.linearised.settle import settle
 from msahl.contact.complementarity import NoSolution
 from msahl.contact.response import Response, accelerations, gaps, respond
+from msahl.contact.state import OVERLAP, TOUCHING
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import StartError
 from msahl.system import evaluate
@@ -30,10 +31,6 @@ from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 from msahl.system.work_arrays import WorkArrays, new_work_arrays
 
-TOUCHING = 10.0
-"""Gap, over its round-off, of a contact that touches: closed joints leave one of it."""
-OVERLAP = 1e4
-"""Overlap, over the round-off of the gap, that is that of digits which decks omit."""
 STILL = 1e-9
 """Rate of a gap or slip, over the largest speed or that of falling by the size of the model, that
 is none: closed joints leave 1e-12."""

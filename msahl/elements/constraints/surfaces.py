@@ -160,6 +160,16 @@ def unit_force(group: Surfaces, k: int, place: Place) -> tuple[Vector, Vector, V
     return t, cross(t, add(add(r_a, D), rho)), cross(add(r_b, rho), t)
 
 
+@kernel
+def increments(
+    products: Products, frames: Frames, Z: np.ndarray, k: int
+) -> tuple[Vector, tuple[Vector, Vector]]:
+    """Return u_B - u_A, and Q_A and Q_B."""
+    a, b = products.a[k], products.b[k]
+    u = sub(displacement(frames, Z, b), displacement(frames, Z, a))
+    return u, (rotation_increment(frames, Z, a), rotation_increment(frames, Z, b))
+
+
 @optional()
 def evaluate(
     group: Surfaces,
@@ -172,10 +182,8 @@ def evaluate(
     for k in range(products.kind.size):
         if products.kind[k] != SURFACE:
             continue
-        a, b = products.a[k], products.b[k]
         f, t_a, t_b = unit_force(group, k, place_of(products, start, frames, Z, k))
-        u = sub(displacement(frames, Z, b), displacement(frames, Z, a))
-        spins = rotation_increment(frames, Z, a), rotation_increment(frames, Z, b)
+        u, spins = increments(products, frames, Z, k)
         start.change[k] = dot(f, u) + dot(t_a, spins[0]) + dot(t_b, spins[1])
         put(start.f, k, f)
         put(start.t_a, k, t_a)
@@ -255,8 +263,7 @@ def differentiate(
         if products.kind[k] != SURFACE:
             continue
         a, b = products.a[k], products.b[k]
-        u = sub(displacement(frames, Z, b), displacement(frames, Z, a))
-        spins = rotation_increment(frames, Z, a), rotation_increment(frames, Z, b)
+        u, spins = increments(products, frames, Z, k)
         own = at(start.f, k)
         put(start.j_u, k, add(own, _row(group, products, start, frames, Z, k, U_B, u, spins)))
         own = scale(1.0 / frames.length[a], at(start.t_a, k))
