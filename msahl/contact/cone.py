@@ -7,12 +7,13 @@ slides     w_n = 0 and z_t = -mu z_n d, where d = (cos a, sin a) is the directio
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
-SAMPLES = 180
-"""Angles at which the sign of d x w_t is taken."""
+ANGLES = np.linspace(0.0, 2.0 * math.pi, 181)
+FOURIER = np.stack([ANGLES**0, *(f(k * ANGLES) for k in (1, 2) for f in (np.cos, np.sin))], axis=1)
+"""Angles at which the sign of d x w_t is taken, and the functions of which it consists."""
 BISECTIONS = 60
 ROUND_OFF = 1e-11
 """Violation, relative to the terms, that is round-off."""
@@ -60,15 +61,12 @@ def _sliding(W: np.ndarray, q: np.ndarray, mu: float, d: np.ndarray) -> np.ndarr
 
 
 def _slides(W: np.ndarray, q: np.ndarray, mu: float) -> Iterator[np.ndarray]:
-    """Yield z of all slips along their own directions."""
+    """Yield z of all slips along their own directions.
 
-    def across(a: float) -> float:
-        d = np.array([math.cos(a), math.sin(a)])
-        w = W[1:] @ _sliding(W, q, mu, d) + q[1:]
-        return float(d[0] * w[1] - d[1] * w[0])
-
-    for a in _zeros(across):
-        d = np.array([math.cos(a), math.sin(a)])
+    w_t times the reduced coefficient W_nn - mu W_nt.d is g + H d.
+    """
+    g = W[0, 0] * q[1:] - q[0] * W[1:, 0]
+    for d in _parallel(g, mu * (q[0] * W[1:, 1:] - np.outer(q[1:], W[0, 1:]))):
         z = _sliding(W, q, mu, d)
         if (W[1:] @ z + q[1:]) @ d >= 0.0:
             yield z
@@ -76,36 +74,36 @@ def _slides(W: np.ndarray, q: np.ndarray, mu: float) -> Iterator[np.ndarray]:
 
 def directions_from_rest(W: np.ndarray, mu: float) -> Iterator[np.ndarray]:
     """Yield the directions (2,) in which a slip begins that a normal force drives."""
-
-    def rate(a: float) -> np.ndarray:
-        found: np.ndarray = W[1:] @ np.array([1.0, -mu * math.cos(a), -mu * math.sin(a)])
-        return found
-
-    def across(a: float) -> float:
-        s_1, s_2 = rate(a)
-        return float(math.cos(a) * s_2 - math.sin(a) * s_1)
-
-    for a in _zeros(across):
-        d = np.array([math.cos(a), math.sin(a)])
-        if rate(a) @ d > 0.0:
+    for d in _parallel(W[1:, 0], -mu * W[1:, 1:]):
+        if (W[1:, 0] - mu * (W[1:, 1:] @ d)) @ d > 0.0:
             yield d
 
 
-def _zeros(function: Callable[[float], float]) -> Iterator[float]:
-    """Yield the angles at which ``function`` changes its sign."""
-    angles = np.linspace(0.0, 2.0 * math.pi, SAMPLES + 1).tolist()
-    value = [function(a) for a in angles]
-    for i in range(SAMPLES):
-        if value[i] * value[i + 1] <= 0.0:
-            yield _zero(function, angles[i], angles[i + 1])
+def _parallel(g: np.ndarray, H: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the unit vectors d (2,) to which g + H d is parallel: zeros of d x (g + H d)."""
+    mean, double = 0.5 * (H[1, 0] - H[0, 1]), 0.5 * (H[1, 0] + H[0, 1])
+    terms = np.array([mean, g[1], -g[0], double, 0.5 * (H[1, 1] - H[0, 0])])
+    value = FOURIER @ terms
+    for i in np.flatnonzero(value[:-1] * value[1:] <= 0.0):
+        a = _zero(terms.tolist(), *ANGLES[i : i + 2].tolist())
+        yield np.array([math.cos(a), math.sin(a)])
 
 
-def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return a zero of ``function`` between ``low`` and ``high``, where its sign changes."""
-    at_low = function(low)
+def _zero(terms: list[float], low: float, high: float) -> float:
+    """Return a zero of the sum of ``terms`` between the angles ``low`` and ``high``."""
+    mean, c, s, c_2, s_2 = terms
+
+    def at(a: float) -> float:
+        once, twice = (
+            c * math.cos(a) + s * math.sin(a),
+            c_2 * math.cos(2 * a) + s_2 * math.sin(2 * a),
+        )
+        return mean + once + twice
+
+    at_low = at(low)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        value = function(middle)
+        value = at(middle)
         if value * at_low > 0.0:
             low, at_low = middle, value
         else:
