@@ -93,7 +93,7 @@ kernels: .venv/tested
 # Compiled kernels are not traced: they run as plain Python, except in the tests of the compiler.
 coverage: .venv/tested
 	$(BIN)/coverage erase
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow' $(COVERED)
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow or sampled' $(COVERED)
 	$(BIN)/coverage run -m pytest -q tests/jit
 	$(BIN)/coverage combine -q
 	$(BIN)/coverage report

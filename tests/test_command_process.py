@@ -102,6 +102,7 @@ def test_output_that_nobody_can_take_is_reported_by_python():
 ENTRY = "import sys; sys.argv[0] = 'msahl'; from msahl.cli.{} import main; main()"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [("--version",), ("check", SINGLE), ("check", "none.xml"), ("run", "--dt", "no"), ()]
 )

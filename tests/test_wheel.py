@@ -42,6 +42,7 @@ def killed_build(number):
     return folder
 
 
+@pytest.mark.slow
 def test_an_interrupted_build_removes_its_folder(place):
     for number in (signal.SIGTERM, signal.SIGINT):
         assert not killed_build(number).exists()

@@ -28,6 +28,7 @@ def assert_same(result, other):
     assert figures(result) == figures(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("jobs", "options"),
     [(1, {}), (2, {"scheme": "gauss3"}), (None, {})],
@@ -52,12 +53,14 @@ def test_samples_may_be_a_frame():
         assert_same(result, model.with_(**sample).run(**SHORT))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_only_the_tables_wanted_are_returned(jobs):
     results = msahl.batch(msahl.load(ROD), SAMPLES[:2], jobs, tables=["states"], **SHORT)
     assert [result.tables for result in results] == [("states",), ("states",)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_sample_that_cannot_be_run_raises(jobs):
     model = msahl.load(ROD)
@@ -101,6 +104,7 @@ def test_wrong_use_is_reported_before_the_first_run():
             msahl.batch(model, [], **wrong)
 
 
+@pytest.mark.slow
 def test_samples_are_taken_as_results_are():
     taken = []
 
@@ -130,6 +134,7 @@ def started(monkeypatch):
     return processes
 
 
+@pytest.mark.slow
 def test_there_are_at_most_as_many_processes_as_samples_and_cores(monkeypatch, started):
     monkeypatch.setattr(batches, "cores", lambda: 3)
     assert len(list(msahl.batch(msahl.load(ROD), SAMPLES[:2], 1000, **SHORT))) == 2
@@ -138,6 +143,7 @@ def test_there_are_at_most_as_many_processes_as_samples_and_cores(monkeypatch, s
     assert len(started) == 2 + 3
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_ends_the_batch(started):
     samples = ({"start": k % 90} for k in range(1000))
     results = msahl.batch(msahl.load(ROD), samples, 2, **SHORT)

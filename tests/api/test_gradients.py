@@ -64,6 +64,7 @@ def in_absolute_coordinates(monkeypatch):
     monkeypatch.setattr(SubsystemIntegrator, "joint_coordinates", False)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.usefixtures("in_absolute_coordinates")
 def test_derivatives_are_those_of_complete_runs(name):

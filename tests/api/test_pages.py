@@ -28,6 +28,7 @@ def examples(page):
     return parsed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("page", "needed"),
     [

@@ -119,6 +119,7 @@ def test_results_can_be_sent_to_other_processes(result):
     assert np.array_equal(copy.array("states"), result.array("states"))
 
 
+@pytest.mark.slow
 def test_pictures_are_those_of_the_command(result, tmp_path):
     from click.testing import CliRunner
 

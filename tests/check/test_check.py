@@ -240,6 +240,7 @@ def changed(value, new):
 FULL = ("bushing", "cam_valve", "flyball_governor", "friction_hinge", "joint_motion_ramp", "screw")
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("new", [math.nan, math.inf, 0.0, -1.0, 1e300, 1e-300, "", "nothing"])
 @pytest.mark.parametrize("name", FULL)
 def test_no_single_change_stops_the_check(name, new):

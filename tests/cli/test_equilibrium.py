@@ -153,6 +153,7 @@ def test_a_run_is_resumed_from_the_equilibrium_at_which_it_began(start, tmp_path
     assert tables(tmp_path / "complete") == tables(tmp_path / "parts")
 
 
+@pytest.mark.slow
 def test_every_point_of_a_sweep_finds_its_own_equilibrium(start, tmp_path):
     result = call("sweep", start, "--set", "m=1,2,3", "--measure", "H.angle initial",
                   "--keep", "tables", "-o", tmp_path / "out")  # fmt: skip
@@ -197,6 +198,7 @@ def test_equilibria_in_python(start):
     assert rest.model.modes().frequency == pytest.approx(model.modes().frequency, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_path_under_growing_loads(tmp_path):
     deck = str(ROOT / "decks" / "mechanisms" / "snap_through.xml")
     result = call("equilibrium", deck, "--load-path", "1", "-o", tmp_path)

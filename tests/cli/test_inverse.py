@@ -62,6 +62,7 @@ def test_the_folder_can_be_evaluated(folders, kind):
     assert result.exit_code == 0, result.output
 
 
+@pytest.mark.slow
 def test_long_tables_have_lines_in_a_pipe(folders, monkeypatch):
     """They count both tables, and -q prints none."""
     for name in ("FIRST", "LONGEST"):
@@ -156,6 +157,7 @@ def test_the_commands_of_the_page_print_what_it_says(tmp_path, monkeypatch):
     assert "5.633043" in told[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "words"),
     [

@@ -20,6 +20,7 @@ def call(*words):
     return CliRunner().invoke(main, ["kinematics", *(str(word) for word in words)])
 
 
+@pytest.mark.slow
 def test_a_folder_that_msahl_post_reads(tmp_path):
     folder = tmp_path / "out"
     result = call(SLIDER_CRANK, "--step", 0.02, "--t-final", 0.2, "-o", folder)
@@ -41,6 +42,7 @@ def test_a_folder_that_msahl_post_reads(tmp_path):
     assert "PASS" in verdict.output
 
 
+@pytest.mark.slow
 def test_a_motion_beyond_reach_exits_with_its_status(tmp_path):
     deck = tmp_path / "pushed.xml"
     text = SLIDER_CRANK.read_text()

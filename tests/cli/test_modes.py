@@ -61,6 +61,7 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     assert result.exit_code == 4
 
 
+@pytest.mark.slow
 def test_modes_over_a_parameter(tmp_path):
     folder = tmp_path / "out"
     result = call(DECKS / "mechanisms/rotor.xml", "--over", "speed=0:4000:5 rpm", "-o", folder)
@@ -139,6 +140,7 @@ def test_a_rotor_spins_about_the_equilibrium_at_which_its_deck_starts(tmp_path):
     assert states["Disc.wy"][0] == pytest.approx(40.0 * np.pi, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_speeds_are_those_of_bodies(tmp_path):
     deck = tmp_path / "rotor.xml"
     deck.write_text(ROTOR)

@@ -174,6 +174,7 @@ def test_a_full_disk_is_reported_with_the_command_to_go_on(tmp_path, monkeypatch
     assert sweep(tmp_path / "s", "--set", "L=60,80 cm").exit_code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="the system limits no sizes of files")
 def test_files_that_may_not_grow_are_a_full_disk(tmp_path):
     """A worker cannot write tables."""

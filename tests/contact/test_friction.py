@@ -108,6 +108,7 @@ def test_box_slides_up_a_slope_and_stays():
     assert report.extremes["energyErrorMax"] < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 def test_balance_closes_where_a_box_with_friction_falls_on_an_edge(scheme):
     model = box((0.0, 0.0, 0.5), 0.3, 0.3)

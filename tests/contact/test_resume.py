@@ -57,6 +57,7 @@ CASES = [
 ]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("name", "scheme", "steps"), CASES)
 @pytest.mark.parametrize("error", ["off", "estimate"])
 def test_given_steps(monkeypatch, name, scheme, steps, error):

@@ -39,6 +39,7 @@ def test_box_that_falls_on_an_edge_comes_to_rest():
     assert sink.table("states")[-1, 3:7] == pytest.approx([0.1, 0, 0, 0], abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["preserving", "decaying"])
 def test_balance_closes_where_a_box_tumbles_in_three_dimensions(scheme):
     """Impacts of single corners: what the decaying scheme remembers takes no part in them."""

@@ -42,6 +42,7 @@ def model_of(tmp_path, **parts):
     return read_deck(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["gauss3", "preserving"])
 def test_a_box_tumbles_and_comes_to_rest_on_a_face(tmp_path, scheme):
     """Between its impacts it flies without multipliers, slips of an edge change direction fast as

@@ -33,6 +33,7 @@ def test_a_kind_of_body_changes_at_most_eight_files():
     assert len(set(files)) + 3 <= 8
 
 
+@pytest.mark.slow
 def test_the_body_is_shown_and_run(checkout):
     call_all(
         checkout,

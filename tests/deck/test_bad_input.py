@@ -162,6 +162,7 @@ def work(path):
     return count
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", MANY_FAULTS)
 def test_reading_takes_time_with_the_number_of_faults_not_with_its_square(
     tmp_path, kind, monkeypatch
@@ -348,6 +349,7 @@ def check_within(path, share, seconds):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ABSURD)
 def test_absurd_decks_are_judged_within_bounds_of_time_and_memory(tmp_path, case):
     make, status = ABSURD[case]
@@ -357,6 +359,7 @@ def test_absurd_decks_are_judged_within_bounds_of_time_and_memory(tmp_path, case
     assert ran.returncode == status, ran.stderr[-500:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.05, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", COUNTED)
 def test_large_decks_take_time_and_memory_in_proportion_to_their_size(tmp_path, case, share):

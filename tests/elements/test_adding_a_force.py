@@ -53,6 +53,7 @@ def test_the_deck_of_the_guide_is_checked_and_run(checkout):
     assert abs(z + fall(0.5 / 0.8)) == pytest.approx(float(listed[2]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_every_command_runs_with_the_force(checkout):
     """The ball falls; where a rest is needed it hangs from a spring in the oil."""
     stiffness, mass, damping = 50.0, 0.5, 0.8

@@ -341,6 +341,7 @@ SLOW_WORDS = ("auto", "radau1")
 """Schemes that take the most steps here."""
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "word",
     [pytest.param(w, marks=pytest.mark.slow) if w in SLOW_WORDS else w for w in STEPS],

@@ -404,6 +404,7 @@ def test_momentum_is_kept_where_nothing_outside_acts(seed):
         assert np.abs(momentum - momentum[0]).max() <= 1e-11 * np.abs(momentum).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [0.01, pytest.param(0.0025, marks=pytest.mark.slow)])
 @every_scheme
 def test_a_model_of_all_elements_keeps_its_balance(h, scheme):
@@ -418,6 +419,7 @@ def test_a_model_of_all_elements_keeps_its_balance(h, scheme):
     assert np.abs(run.work[-1, 1:]).sum() > 0.05 * extremes["largestKineticEnergy"]
 
 
+@pytest.mark.sampled
 @every_element
 @every_scheme
 def test_every_element_is_approached_with_order_two(make, scheme):

@@ -127,6 +127,7 @@ def test_order_is_kept_where_the_motion_passes_a_kink_or_a_jump(scene, scheme, l
     assert errors[1] < 1e-13 or math.log2(errors[0] / errors[1]) > least
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("scene", SCENES)
 def test_tolerances_are_kept_where_the_motion_passes_a_kink_or_a_jump(scene):
     model, exact = SCENES[scene]

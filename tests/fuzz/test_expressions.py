@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import strategies as st
 
 from msahl.deck import read_deck
@@ -54,6 +55,7 @@ def read_or_fault(text, make):
     return None
 
 
+@pytest.mark.slow
 @over(TEXTS, 400, 0.1)
 def test_texts_of_expressions(text):
     """A value that is finite, or an error at a column of the text; the same with other names."""
@@ -147,6 +149,7 @@ DECKS = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @over(DECKS, 150, 0.1)
 def test_decks_with_expressions(data):
     """The deck that ran reads as the same model, without parts, and is written as it is."""

@@ -14,6 +14,7 @@ from collections import Counter
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -144,6 +145,7 @@ def is_judged(data) -> str:
         return "refused" if model is None else "good"
 
 
+@pytest.mark.slow
 @over(st.one_of(mutants(), gentle_mutants(), trees()), 100, 0.1)
 def test_the_readers_of_the_schema_agree(data):
     """libxml2 as it parses, libxml2 on the tree in memory, xmlschema, and our diagnosis by it."""
@@ -217,6 +219,7 @@ ways = st.tuples(
 )
 
 
+@pytest.mark.slow
 @over(st.tuples(gentle_mutants(), ways), 25, 0.15)
 def test_a_deck_with_other_numbers_runs_or_says_why_not(example):
     data, (options, pictures) = example

@@ -33,6 +33,7 @@ def outcome(path):
     return "faults"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_mutants_become_decks_or_messages(file, tmp_path):
     data, number = file.read_bytes(), 0

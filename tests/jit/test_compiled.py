@@ -70,6 +70,7 @@ def test_types_have_different_descriptions():
         describe(np.zeros(2).astype(np.dtype(float).newbyteorder()))
 
 
+@pytest.mark.slow
 def test_a_unit_has_a_file_of_its_own(store):
     group = kernels.outer()
     Compiled(kernels.everything)(group, 1.0, np.zeros(1), True, PAIR)
@@ -132,6 +133,7 @@ def test_files_of_the_package_come_first(store, tmp_path, monkeypatch):
     assert Files(store).find(name_of(unit)) is None
 
 
+@pytest.mark.slow
 def test_a_kernel_that_cannot_be_compiled_is_named(store):
     with pytest.raises(CompileError, match="hopeless"):
         Compiled(kernels.hopeless)(1.0)
@@ -185,6 +187,7 @@ def uncompiled_program():
     return f"{[*map(float, results), *out.tolist()]}\n"
 
 
+@pytest.mark.slow
 def test_a_file_that_is_missing_is_made_and_linked_with_the_others(tmp_path):
     """Where only a unit, or only the entry, is on disk, the other one finds it."""
     assert run_program(tmp_path) == uncompiled_program()
@@ -206,6 +209,7 @@ def test_symbols_tell_module_name_and_types():
     assert symbol != symbol_of("package.module", "function", (describe(1),))
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_of_sources_that_changed_meanwhile(store, monkeypatch):
     """The key is that of the file, the code that of the module as it was imported."""
     monkeypatch.setattr(reach, "changed", {"tests.jit.kernels"})

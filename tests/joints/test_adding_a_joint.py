@@ -64,6 +64,7 @@ def test_the_deck_of_the_guide_is_checked_and_run(checkout):
     assert list(forces.columns) == ["time", "Pipe.Fx", "Pipe.Fy", "Pipe.Fz"]
 
 
+@pytest.mark.slow
 def test_every_command_runs_with_the_joint(checkout):
     """What no part of the program but the joint's module says of it follows from its equations."""
     deck, out = f"{MODULE}.xml", "everywhere/run"

@@ -348,6 +348,7 @@ def steps_of(path):
     return (0.1, 0.01) if path.parent.name in ("thesis", "basics") else (own, own / 2)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("which", [0, 1], ids=["large steps", "small steps"])
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_every_deck_keeps_its_energy_and_its_joints(path, which):

@@ -96,6 +96,7 @@ def slopes(found):
     return [float(np.log2(a / b)) for a, b in pairwise(found)]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("name", "scheme"), CASES, ids=["-".join(case) for case in CASES])
 def test_a_machine_is_approached_with_the_order_of_the_scheme(name, scheme):
     smooth = name != "engine" or scheme == "preserving"

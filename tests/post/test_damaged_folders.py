@@ -163,6 +163,7 @@ def test_whatever_a_run_json_holds_it_is_refused_or_read(run, text, light):
                                     1 if name == "verdict" else 0)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_field_may_hold_any_json_value(run, light):
     # One set of metrics does for all: of run.json they depend on the non-unique reactions alone.
     sound = read_run(run)

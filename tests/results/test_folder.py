@@ -114,6 +114,7 @@ def test_a_run_that_fails_leaves_the_complete_one_before_it(tmp_path, monkeypatc
     assert contents(out) == before
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # no other thread computes here
 def test_at_any_kill_the_folder_holds_the_old_or_the_new_run(tmp_path):
     """Killed before each change of a name. A top, which has no reactions, takes the place of a

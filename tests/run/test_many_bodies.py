@@ -48,6 +48,7 @@ def paths(tmp_path_factory):
     return [path_of(tmp_path_factory.mktemp("chains"), n) for n in (500, 1000, 2000)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", MOST_CALLS)
 def test_calls_grow_with_the_number_of_bodies(paths, stage):
     function = read_deck if stage == "reading" else build

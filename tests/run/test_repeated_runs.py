@@ -82,6 +82,7 @@ def assert_same(one, other):
     assert figures == other_figures
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("name", "given"), CASES)
 def test_a_run_after_others_has_the_results_of_a_first_one(name, given, forget):
     model = short(name, given)

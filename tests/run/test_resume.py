@@ -94,6 +94,7 @@ def same_run(monkeypatch, model, options, steps):
     return complete
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_every_deck_goes_on_bit_for_bit(monkeypatch, path):
     """Thinned rows and a last step of its own size; schemes and reactions alternate."""
@@ -144,6 +145,7 @@ def test_output_between_steps_goes_on_bit_for_bit(monkeypatch, name):
     same_run(monkeypatch, model, Options(accuracy=1e-6), 9)
 
 
+@pytest.mark.slow
 def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
     model = deck("two_pendulums")
     model = replace(model, simulation=replace(model.simulation, t_final=10.0))
@@ -428,6 +430,7 @@ def _begin(folder, words, until):
     return process
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "t_final"), [(4, 10), pytest.param(10, 18, marks=pytest.mark.slow)]
 )

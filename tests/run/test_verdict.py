@@ -428,6 +428,7 @@ def test_momentum_is_looked_at_where_it_is_kept():
 TEMPLATES = sorted((ROOT / "msahl" / "deck" / "templates").glob("*.xml"))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("path", [*DECKS, *ELASTIC, *TEMPLATES], ids=lambda path: path.stem)
 def test_a_deck_passes_or_says_why_not(path):
     """In its header, as in "Verdict: WARN: ..."."""
@@ -519,6 +520,7 @@ def test_a_deck_asks_for_its_accuracy(tmp_path):
         assert told["error"]["accuracy"] == 2e-3
 
 
+@pytest.mark.slow
 def test_the_report_gives_the_verdict(runs):
     assert call(post, "report", runs / WARN).exit_code == 0
     text = (runs / WARN / "report" / "report.md").read_text()

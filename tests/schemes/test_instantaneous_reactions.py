@@ -82,6 +82,7 @@ def columns(model):
     return reaction_columns(model)[1:]
 
 
+@pytest.mark.slow
 def test_the_command_says_which_they_are(tmp_path):
     folders = {}
     for kind in ("mean", "instantaneous"):

@@ -87,11 +87,13 @@ def assert_order(orders, name, word, ladder):
     assert found == pytest.approx(dict.fromkeys(wanted, orders.order_of(word)), abs=orders.NEAR)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("name", "word"), CASES)
 def test_every_quantity_has_the_order_of_the_theory(orders, name, word):
     assert_order(orders, name, word, orders.climb(name, word, float, STEPS[name][word]))
 
 
+@pytest.mark.slow
 @longer
 @pytest.mark.parametrize(
     "name",

@@ -19,6 +19,7 @@ from msahl.system.subsystems import split
 from tests.support.models import DECKS, GROUND, body, build_model, deck, loaded, pendulum, simulate
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("steps", [40, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_newton_root_and_auto_go_the_same_way(path, steps):

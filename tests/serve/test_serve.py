@@ -121,6 +121,7 @@ def files(folder):
     return found, about
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "words",
     [
@@ -142,6 +143,7 @@ def test_same_output_and_exit_status(runtime, words, tmp_path):
     assert call(*words, cwd=tmp_path) == alone(*words, cwd=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_run_writes_the_same_files(runtime, tmp_path):
     for given in ((), ("--solver", "auto"), ("--set", "L=2"), ("--dt", "0.5")):
         one, other = tmp_path / "one", tmp_path / "other"
@@ -164,6 +166,7 @@ def test_the_commands_are_carried_out_by_the_server(runtime, process, tmp_path):
     run.communicate(timeout=SECONDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_ends_the_run_as_without(runtime, process, tmp_path, number):
     endings = []
@@ -254,6 +257,7 @@ def test_a_limit_is_taken_over(runtime, tmp_path):
     assert served[0] != 0
 
 
+@pytest.mark.slow
 def test_large_output_and_a_reader_that_has_seen_enough(runtime, tmp_path):
     """A line for each of many faults, 60 kB."""
     body = "<rigidBody><name>{}</name><mass>-1</mass></rigidBody>"
@@ -269,6 +273,7 @@ def test_large_output_and_a_reader_that_has_seen_enough(runtime, tmp_path):
         assert found.stderr == b""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", ">/dev/full"])
 def test_closed_and_full_files(runtime, closed, tmp_path):
     program = ("sh", "-c", f'exec "$0" "$@" {closed}', *SERVED)
@@ -449,6 +454,7 @@ def test_an_idle_server_ends(tmp_path):
     wait_for(lambda: not any((tmp_path / "msahl").iterdir()))
 
 
+@pytest.mark.slow
 def test_a_change_of_the_program_ends_the_server(tmp_path):
     """Two versions: that of the server, and what was installed since."""
     copy = tmp_path / "copy"
@@ -466,6 +472,7 @@ def test_a_change_of_the_program_ends_the_server(tmp_path):
     wait_for(lambda: not path.exists())
 
 
+@pytest.mark.slow
 def test_a_killed_server_leaves_the_run_to_its_end(tmp_path):
     environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}
     _, _, err = msahl("serve", env=environment)
@@ -484,6 +491,7 @@ def test_a_killed_server_leaves_the_run_to_its_end(tmp_path):
     assert msahl("serve", "--stop", env=environment)[2] == b"msahl serve: no server is running\n"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
 def test_a_makefile_of_many_runs(runtime, tmp_path):
     command = f'{MSAHL[0]} -c "{SERVED[2]}" run {DECK} --error off --solver newton'

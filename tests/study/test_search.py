@@ -312,6 +312,7 @@ def test_a_prescribed_motion_has_breaks():
 # The report --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_command_and_its_recommendation(tmp_path):
     out = tmp_path / "study"
     words = [str(DECK), "--t-final", "2", "--scheme", "gauss5", "--target", "1e-4"]

@@ -68,6 +68,7 @@ def test_bodies_that_rotate_in_place_are_compared_by_their_orientation(speed, me
     assert study.default_metric(Plan(model), reference) == metric
 
 
+@pytest.mark.slow
 def test_observed_orders_of_given_steps(tmp_path):
     steps = (word for dt in (0.04, 0.02, 0.01, 0.005) for word in ("--dt", dt))
     schemes = ("--scheme", "preserving", "--scheme", "gauss2")

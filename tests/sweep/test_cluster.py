@@ -68,6 +68,7 @@ def without_seconds(rows):
 # What a worker does -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_worker_makes_the_rows_of_one_process_without_the_deck(tmp_path):
     made = check(sweep(tmp_path / "s", VALUES, measures=MEASURES))
     order = order_of(made)
@@ -85,6 +86,7 @@ def test_a_worker_makes_the_rows_of_one_process_without_the_deck(tmp_path):
     assert len(runner.pool.workers) == 1
 
 
+@pytest.mark.slow
 def test_tables_are_sent_back_or_written_to_a_shared_folder(tmp_path):
     made = check(sweep(tmp_path / "s", VALUES, measures=MEASURES, keep="tables"))
     back = run_chunk(order_of(made).packed(), numbered(made))
@@ -100,6 +102,7 @@ def test_tables_are_sent_back_or_written_to_a_shared_folder(tmp_path):
         assert "states.csv" in back["files"][row["key"]]
 
 
+@pytest.mark.slow
 def test_processes_of_an_earlier_sweep_end(tmp_path):
     made = sweep(tmp_path / "s", VALUES)
     run_chunk(order_of(made).packed(), numbered(made)[:1])
@@ -111,6 +114,7 @@ def test_processes_of_an_earlier_sweep_end(tmp_path):
     assert len(chunks._idle) == 1
 
 
+@pytest.mark.slow
 def test_the_time_limit_of_a_point_holds_on_a_worker(tmp_path):
     made = sweep(tmp_path / "s", "L=60,60")
     slow = replace(made.job, options={"dt": 1e-6, "t_final": 60.0})  # takes minutes
@@ -121,6 +125,7 @@ def test_the_time_limit_of_a_point_holds_on_a_worker(tmp_path):
     assert row["message"] == "took longer than 0.2 s (--timeout)"
 
 
+@pytest.mark.slow
 def test_a_worker_with_other_software_or_another_deck_refuses(tmp_path):
     order = order_of(sweep(tmp_path / "s", VALUES))
     other = replace(order, versions={**order.versions, "numpy": "1.0"})

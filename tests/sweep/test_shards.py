@@ -65,6 +65,7 @@ def test_a_shard_goes_on_where_it_was(tmp_path):
     assert shard(tmp_path, 1, 2)[1].ran == [5, 7, 9, 11]
 
 
+@pytest.mark.slow
 def test_the_commands_of_shards_and_their_merge(tmp_path):
     words = ["sweep", str(DECK), "--set", "L=60,70", "--t-final", "0.1", "-o", str(tmp_path)]
     one = CliRunner().invoke(main, [*words, "--shard", "1/2", "--jobs", "1"])

@@ -57,6 +57,7 @@ def test_a_condition_that_is_true_at_the_start_waits():
     assert [row[0] for row in rows] == pytest.approx([3.0 * 0.594913 - 0.0], abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "dt", "tolerance"), SCHEMES)
 def test_endless_events_end_the_run(scheme, dt, tolerance):
     """Each of two motors makes the condition true that engages the other one."""

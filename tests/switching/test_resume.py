@@ -34,6 +34,7 @@ def falling():
     return replace(pendulum("t > 9"), contacts=(floor,), events=events)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 @pytest.mark.parametrize("error", ["off", "estimate"])
 @pytest.mark.parametrize("make", [shifting, falling])

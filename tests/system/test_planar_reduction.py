@@ -235,6 +235,7 @@ FAR, OFF = 1e-10, 1e-13
 rotated into its axes and back with a few machine epsilons of some 10 rad/s."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scheme", ["preserving", "decaying", pytest.param("gauss1", marks=pytest.mark.slow)]
 )
@@ -247,6 +248,7 @@ def test_planar_and_spatial_equations_move_all_elements_alike(scheme):
         assert spin <= OFF
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_nothing_grows_out_of_the_plane_in_a_thousand_steps(scheme):
     """By every scheme; an extrapolation multiplies what nobody solves for by up to 135 a step."""

@@ -33,6 +33,7 @@ from tests.support.models import (
 REGULAR = [path for path in DECKS if path.stem != "dead_points"]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("path", REGULAR, ids=lambda path: path.stem)
 @pytest.mark.parametrize(
     ("solver", "steps"),

@@ -133,6 +133,7 @@ singular place by at once.
 """
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("scheme", TOLD)
 @pytest.mark.parametrize(("name", "value", "steps"), QUICK, ids=lambda value: str(value)[:14])
 def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypatch):

@@ -85,6 +85,7 @@ def round_column(ratio=1, follower=False):
     return Source.of(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("follower", "values", "expected", "digits"),
     [

@@ -63,6 +63,7 @@ def test_two_bars_between_supports_have_both_equilibria():
         assert stability(found[at].place.point).startswith("stable" if height < 0 else "unstable")
 
 
+@pytest.mark.slow
 def test_rods_on_spherical_joints_hang_and_stand_in_four_ways():
     rods = row_of_links([(0.0, 0.0, 0.0), (0.6, 0.0, -0.8), (1.2, 0.0, -1.6)])
     free = replace(rods, joints=rods.joints[:2])
@@ -83,6 +84,7 @@ def catenary(links, kind="spherical"):
     return row_of_links([*left, *right], kind), span
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("links", "kind", "iterations"),
     [
@@ -262,6 +264,7 @@ def test_pendulum_hangs_down_and_stands_up():
     assert "moved" in "\n".join(lines(at_start(pendulum(45.0)), found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angles", [(0.0, 0.0), (1.0, 2.0)])
 def test_two_rods_on_hinges_have_four_equilibria(angles):
     """Standing, or anywhere: half a revolution of a hinge leads from one to the other."""

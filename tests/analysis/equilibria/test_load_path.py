@@ -42,6 +42,7 @@ def snap_through():
     return list(Path(at_start(deck("snap_through"))).to(1.0, wanted=(0.2,)))
 
 
+@pytest.mark.slow
 def test_snap_through_follows_its_closed_form(snap_through):
     points = snap_through
     for point in points:

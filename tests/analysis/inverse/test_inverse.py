@@ -107,6 +107,7 @@ def test_error_bars_with_a_companion_contain_the_error_of_the_run(deck, names, m
     assert np.all(wrong <= found.rows.error)
 
 
+@pytest.mark.slow
 def test_error_bars_contain_the_error_that_a_run_estimated(tmp_path):
     model = msahl.load(FOUR_BAR)
     run = model.run(dt=0.002, output_interval=0.002, t_final=0.05)
@@ -121,6 +122,7 @@ def test_error_bars_contain_the_error_that_a_run_estimated(tmp_path):
     assert not np.all(np.abs(alone.rows.loads - loads(exact, ["Motor"])) <= alone.rows.error)
 
 
+@pytest.mark.slow
 def test_a_run_without_an_estimated_error_warns_unless_it_has_accelerations():
     model = msahl.load(FOUR_BAR)
     run = forward(model, 0.001, 0.03, "gauss3")

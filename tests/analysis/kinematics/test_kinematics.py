@@ -271,6 +271,7 @@ def test_an_output_time_at_a_dead_point_has_no_row():
     assert np.abs(found["Pivot.angle"] - np.pi / 6.0 - np.pi / 3.0 * found["time"]).max() <= 1e-11
 
 
+@pytest.mark.slow
 def test_the_end_of_reach_is_named():
     x0 = R * np.cos(np.pi / 6.0) + np.sqrt(L**2 - (R * np.sin(np.pi / 6.0)) ** 2)
     found = Computed(slider_crank(law=Law("polynomial", (0.0, 0.1))), np.linspace(0.0, 0.5, 26))

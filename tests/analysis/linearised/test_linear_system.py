@@ -128,12 +128,14 @@ def check(model, tolerance, step=STEP):
     assert np.abs(rate - expected).max() <= tolerance * max(np.abs(expected).max(), 1.0)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [name for name in ELEMENTS if "friction" not in name])
 def test_linear_system_of_every_element(name):
     piecewise = name in PIECEWISE
     check(ELEMENTS[name](np.random.default_rng(7)), 1e-4 if piecewise else 1e-8)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", DECKS)
 def test_linear_system_of_decks(name):
     # Differences of stiff forces have their round-off: largest force times 1e-13 over the step.

@@ -89,6 +89,7 @@ def test_critical_speeds_of_a_rotor():
     assert len(built) <= 60
 
 
+@pytest.mark.slow
 def test_weave_and_capsize_speed_of_the_bicycle():
     point_of, built = counted(BICYCLE, "v")
     found = campbell(point_of, np.linspace(0.0, 10.0, 11))
@@ -154,6 +155,7 @@ TWO_SPRINGS = """<data><parameters><parameter name="k" units="N/m">1</parameter>
 <simulation><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation></data>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("y", "damping", "values", "expected"),
     [

@@ -129,6 +129,7 @@ def test_directions_across_single_springs_are_refused_by_one_factorisation(dampi
         modes(row_of_bodies(101, 1, damping))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.1, 3.0])
 def test_zeros_of_a_large_model_are_counted(damping):
     point = row_of_bodies(12, 7, damping)

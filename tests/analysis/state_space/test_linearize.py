@@ -117,6 +117,7 @@ def test_every_element_against_differences(name):
     check_states_and_outputs(ELEMENTS[name](np.random.default_rng(7)))
 
 
+@pytest.mark.slow
 def test_expressions_of_reactions_against_differences():
     """A motor and an auxiliary state by the reactions of two joints of a moving loop."""
     model = random_loop(np.random.default_rng(1), SPATIAL)

@@ -296,6 +296,7 @@ def is_refused(folder):
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample", [None, {"kind": "saltelli", "n": 3, "seed": 0}])
 def test_every_field_may_hold_any_value(tmp_path, sample, monkeypatch):
     monkeypatch.setattr(sweep_page, "pictures", lambda *_: ())  # which take most of the time

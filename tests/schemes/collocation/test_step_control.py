@@ -270,6 +270,7 @@ def test_states_that_are_noise_cost_no_steps(tolerance, rate, load):
     assert report.verdict["word"] == "PASS", report.verdict["reasons"]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", range(30))
 def test_rest_is_rest_whatever_the_rounding_errors_are(seed):
     """The same chains with all numbers changed in their twelfth digit: steps of 5 s, a thousand
@@ -315,6 +316,7 @@ def test_the_command_asks_for_it(tmp_path):
     assert "takes steps of a given size" in result.stderr
 
 
+@pytest.mark.slow
 def test_what_no_step_meets_is_reported():
     """A load of (10 t)^400 N: no step is small enough for it after some 0.2 s."""
     sudden = push(1e200, *[0.0] * 400, 1e200)

@@ -52,6 +52,7 @@ def distance(one, other):
     return max(np.max(np.abs(a - b), initial=0) / np.max(np.abs(b), initial=1) for a, b in pairs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), LOOPS)
 def test_a_random_loop_moves_as_in_absolute_coordinates(kind, seed):
     tree, absolute = both(passive(random_loop(np.random.default_rng(seed), kind)), 4)
@@ -62,6 +63,7 @@ def test_a_random_loop_moves_as_in_absolute_coordinates(kind, seed):
     assert distance(tree, absolute) < 1e-13
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", CLOSED)
 def test_a_deck_moves_as_in_absolute_coordinates(name):
     tree, absolute = both(deck(name), 4)

@@ -91,6 +91,7 @@ def test_energy_taken_is_lost_or_stored_in_smoothed_changes(damping):
     assert 0.0 < risen <= stored.max()
 
 
+@pytest.mark.slow
 @every_damping
 def test_a_stiff_table_loses_energy_too(damping):
     """The smoothing takes a constant stiffness, so nothing is gained on a softer branch."""

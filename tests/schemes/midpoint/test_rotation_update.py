@@ -54,6 +54,7 @@ def test_a_guess_of_half_a_rotation_stays_finite():
     assert np.linalg.norm(of_angle((0.0, 4.0, 0.0))) < 50.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["newton", "root"])
 def test_a_top_is_six_times_nearer_at_the_same_step(solver):
     known = top_path(10.0, np.radians(10.0), SPIN)
