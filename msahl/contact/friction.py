@@ -39,8 +39,8 @@ LARGEST, SOLVED = 1e10, 1e-10
 FEW = 4
 """Contacts of which every choice of states is tried."""
 SOFTEST, SOFTENINGS = 10.0, 44
-"""Part of the identity, over the mean of the diagonal, that makes the problem easy; halvings of
-it until it is round-off.
+"""Part of the identity, over the mean of the diagonal, that makes the problem easy, and how often
+it is halved, down to round-off.
 """
 LEAST_RAISE = 1.0 / 512.0
 """Least step of the share of the friction."""
