@@ -73,7 +73,7 @@ class Impulses:
         done = state.work.sum()
         scalar.motion_work(system.scalar, frames, state.time[0], 1.0, size * motion, state.work)
         work = energy(system, state, self.work_arrays) - before - (state.work.sum() - done)
-        return Given(rate, rate + size * moved, size, float(work))
+        return Given(rate, float(rate + size * moved), float(size), float(work))
 
     def _motion(self, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the velocities (n+1, 3) in a ``change`` (nodes, 3) of the unknowns."""
