@@ -12,6 +12,7 @@ from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
 from msahl.joints.expression_values import MARKER_VALUES, joint_values
 from msahl.model import Model, SignalTable
+from msahl.model.loads import Load
 from msahl.model.signals import TIME, AnySignal
 
 INERTIAL = ""
@@ -28,8 +29,8 @@ class Context:
     there may be others; ``kinds`` the kind of every joint by name; ``markers`` the body of every
     marker. ``values`` are the names that expressions of the motion may use, ``tables`` the numbers
     of arguments of the tables that these may call; ``switchable`` are those of what events may
-    release or engage, ``released`` of what is released at t = 0. With ``project`` joints need not
-    fit at t = 0.
+    release or engage, ``states`` and ``loads`` those of what they may set, ``released`` of what is
+    released at t = 0. With ``project`` joints need not fit at t = 0.
     """
 
     project: bool = False
@@ -42,6 +43,8 @@ class Context:
     values: dict[str, None] = field(default_factory=dict)
     tables: dict[str, int] = field(default_factory=dict)
     switchable: dict[str, None] = field(default_factory=dict)
+    states: dict[str, None] = field(default_factory=dict)
+    loads: dict[str, Load] = field(default_factory=dict)
     released: frozenset[str] = frozenset()
 
     def bodies(self) -> list[str]:
@@ -92,5 +95,7 @@ def context_of(model: Model) -> Context:
     context.markers.update({marker.name: marker.body for marker in model.markers})
     constrained = (*model.joints, *model.couplings, *model.motions, *model.rigid_contacts)
     context.switchable.update((element.name, None) for element in constrained)
+    context.states.update((state.name, None) for state in model.states)
+    context.loads.update({load.name: load for load in model.loads})
     add_values(context, model.signals)
     return context

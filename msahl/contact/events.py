@@ -4,18 +4,20 @@ from typing import NamedTuple
 
 IMPACT, CLOSES, OPENS, STICKS, SLIDES = "impact", "closes", "opens", "sticks", "slides"
 RELEASES, ENGAGES, HAPPENS = "releases", "engages", "happens"
+SETS, PUSHES = "sets", "pushes"
 
 
 class ContactEvent(NamedTuple):
     """One contact at the time of an event. Speeds are rates of its gap, impulses those that
     increase it. Of an element that an event of the deck engages the speed is that at which its
-    constraint was violated, and the impulse that which closes it.
+    constraint was violated, and the impulse that which closes it; of an impulse that it gives the
+    speed is that along the impulse.
     """
 
     time: float  # [s]
     kind: str  # "impact", "closes" (the gap stays zero from then on), "opens", "sticks", "slides";
-    # of events of the deck "releases", "engages", or "happens" where these do not name an element
-    element: str  # contact, joint, coupling or motion
+    # of events of the deck "releases", "engages", "sets", "pushes", or "happens" without these
+    element: str  # contact, joint, coupling, motion, state, number of a load, marker
     speed_before: float  # [m/s or rad/s]
     speed_after: float
     impulse: float  # [N s or N m s]

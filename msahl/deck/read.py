@@ -58,7 +58,7 @@ from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import ConcentratedLoad, Load
 from msahl.model.shapes import Shape
-from msahl.model.signals import AnySignal, Stop
+from msahl.model.signals import AnySignal, SignalState, Stop
 
 if TYPE_CHECKING:
     from msahl.deck.beams import BuiltBeam
@@ -183,13 +183,16 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     run = _simulation(root, reader)
     check_speeds(sound["motions"], motions, run, reader)
     contacts = tuple(read_contacts(sound["contacts"], reader))
+    loads = tuple(_read_loads(sound["loads"], reader))
+    reader.context.states.update((s.name, None) for s in signals if isinstance(s, SignalState))
+    reader.context.loads.update((load.name, load) for load in loads)
     events = _read_events(sound["events"], root, contacts, reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
         bodies=tuple(body for body in bodies if isinstance(body, RigidBody)),
         joints=tuple(joints),
-        loads=tuple(_read_loads(sound["loads"], reader)),
+        loads=loads,
         simulation=run,
         unit_system=reader.unit_system,
         couplings=tuple(couplings),

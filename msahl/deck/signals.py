@@ -119,8 +119,8 @@ def read_actuator(element: Element, reader: Reader) -> JointActuator | MarkerAct
         reader.faults.add(element, message)
     wanted = MOMENT if text(coordinate) == "angle" else FORCE
     tree: Tree = NO_TREE
-    if expression is not None and _unit(expression, reader, wanted) is not None:
-        tree = read_expression(expression, wanted, reader)
+    if expression is not None:
+        tree = read_measured(expression, wanted, reader)
     record: JointActuator | MarkerActuator
     if along_joint:
         record = JointActuator(name, text(joint), text(coordinate), tree)
@@ -133,9 +133,17 @@ def read_actuator(element: Element, reader: Reader) -> JointActuator | MarkerAct
 
 def read_factor(element: Element, reader: Reader) -> Tree:
     """Return the tree of an ``<expression>`` whose value is a pure number."""
-    if _unit(element, reader, PURE) is None:
+    return read_measured(element, PURE, reader)
+
+
+def read_measured(element: Element, wanted: Dimension | None, reader: Reader) -> Tree:
+    """Return the tree of an element's text whose ``units``, if it gives some, and whose value are
+    ``wanted``; any are if that is None.
+    """
+    unit = _unit(element, reader, wanted)
+    if unit is None and attribute(element, "units"):
         return NO_TREE
-    return read_expression(element, PURE, reader)
+    return read_expression(element, wanted or (unit and unit.dimension), reader)
 
 
 def read_stop(element: Element, reader: Reader) -> Stop:

@@ -17,7 +17,7 @@ from msahl.check.context import context_of
 from msahl.check.directions import frame
 from msahl.deck.elements import child, deck_bytes, lay_out, number, number_unless, numbers, vector
 from msahl.deck.faults import Element
-from msahl.deck.units import UNITS, to_si
+from msahl.deck.units import DEFAULTS, UNITS, to_si
 from msahl.deck.values import INERTIAL_BASIS
 from msahl.deck.write_elements import WRITERS, number_table, write_coupling, write_joint
 from msahl.expressions.conditions import margin
@@ -36,7 +36,9 @@ from msahl.model import (
     Simulation,
     Stop,
 )
+from msahl.model.events import Impulse, ParameterChange
 from msahl.model.markers import MarkerAngle, Sensor
+from msahl.model.settable import settable
 from msahl.model.settings import Limits
 from msahl.model.shapes import SIZES
 from msahl.model.signals import AnySignal
@@ -98,7 +100,7 @@ def _write_system(system: Element, model: Model) -> None:
     for name in model.released:
         child(events, "released", name)
     for event in model.events:
-        _write_event(events, event)
+        _write_event(events, event, model)
     signals, markers, groups = (child(system, tag) for tag in ("signals", "markers", "groups"))
     for signal in model.signals:
         _write_signal(signals, signal)
@@ -116,14 +118,39 @@ def _write_system(system: Element, model: Model) -> None:
             system.remove(group)
 
 
-def _write_event(group: Element, event: Event) -> None:
+def _write_event(group: Element, event: Event, model: Model) -> None:
     repeats = {"repeats": "true"} if event.repeats else {}
     element = child(group, "event", name=event.name, when=event.condition, **repeats)
     for tag, names in (("release", event.releases), ("engage", event.engages)):
         for name in names:
             child(element, tag, name)
+    for change in event.states:
+        child(element, "set", text_of(change.expression), name=change.state)
+    for parameter in event.parameters:
+        name = f"{parameter.load}.{parameter.parameter}"
+        child(element, "set", repr(float(parameter.value)), name=name, **_si_unit(model, parameter))
+    for impulse in event.impulses:
+        _write_impulse(child(element, "impulse"), impulse)
     if event.message:
         child(element, "message", event.message)
+
+
+def _si_unit(model: Model, change: ParameterChange) -> dict[str, str]:
+    """Return the attribute of the unit of a number of a load, none of a pure number."""
+    load = next(load for load in model.loads if load.name == change.load)
+    quantity = settable(load)[change.parameter]
+    return {"units": DEFAULTS["SI"][quantity]} if quantity else {}
+
+
+def _write_impulse(element: Element, impulse: Impulse) -> None:
+    if impulse.joint:
+        child(element, "joint", impulse.joint)
+        child(element, "coordinate", impulse.coordinate)
+    else:
+        child(element, "marker", impulse.marker)
+        vector(element, "direction", impulse.direction, impulse.basis)
+    tag = "velocityChange" if impulse.changes_velocity else "size"
+    child(element, tag, text_of(impulse.expression))
 
 
 def _write_bodies(group: Element, model: Model) -> None:

@@ -112,6 +112,9 @@ def draw_graph(axes: Axes, graph: Graph, look: Mapping[str, dict[str, Any]]) -> 
     for k, (name, _) in enumerate(graph.curves):
         line = {"linestyle": LINES[k % len(LINES)]} if graph.broken else {}
         axes.plot(*thinned(x, values[:, k]), label=plain(name), **(look[name] | line))
+    for place, name in graph.marks:
+        colour = COLOURS[1] if name else "#888888"
+        axes.axvline(place, color=colour, linewidth=0.6, alpha=0.7, zorder=0)
     axes.set_ylabel(folded(graph.title))
 
 

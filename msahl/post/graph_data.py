@@ -23,6 +23,7 @@ class Graph:
 
     With ``log`` absolute values are drawn on a logarithmic scale. Values that are not finite leave
     the curve open. In a picture ``broken`` lines leave curves visible that coincide with others.
+    ``marks`` are places on the abscissa, of events, with names or "".
     """
 
     title: str
@@ -31,6 +32,7 @@ class Graph:
     x_title: str = "time [s]"
     log: bool = False
     broken: bool = False
+    marks: tuple[tuple[float, str], ...] = ()
 
 
 @record

@@ -4,6 +4,7 @@ There is one group of each kind. A group without graphs has the reason in its no
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from msahl.post.defined_graphs import (
 )
 from msahl.post.graph_data import Graph, Group
 from msahl.post.metrics import Metrics
+from msahl.post.view.happenings import marks
 from msahl.records import record
 from msahl.results.read import ResultError, Run
 from msahl.run.tables import JOINTS
@@ -253,4 +255,11 @@ def groups(
     for kind in kinds:
         group = GRAPHS[kind](run, metrics, choice or Choice())
         if group.graphs:
-            yield Group(group.title, group.graphs, group.note, kind)
+            graphs = tuple(_marked(graph, run) for graph in group.graphs)
+            yield Group(group.title, graphs, group.note, kind)
+
+
+def _marked(graph: Graph, run: Run) -> Graph:
+    """Return a graph over time with the times of events."""
+    over_time = graph.x_title == "time [s]" and run.events is not None
+    return replace(graph, marks=tuple(marks(run.events))) if over_time else graph

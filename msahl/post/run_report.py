@@ -227,7 +227,9 @@ def _motion(run: Run, linkage: Sequence[Picture], viewer: bool) -> OnPage:
     """Return the motion with the facts on the run beside it."""
     shown = combine(*map(part_of, linkage))
     if viewer:
-        moving = viewer_block([show_sample(sample_run(run, NUMBERS, ROWS), columns=False)])
+        moving = viewer_block(
+            [show_sample(sample_run(run, NUMBERS, ROWS), columns=False, events=run.events)]
+        )
         shown = wrap("div", moving, wrap("div", shown, class_="printed"))
     known = _facts(run)
     rows = [(element("dt", n), element("dd", known[n])) for n in GLANCE if n in known]

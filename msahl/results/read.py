@@ -108,7 +108,7 @@ def read_run(folder: Path) -> Run:
         partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, model, tables[STATES_FILE]["time"].to_numpy(), info),
         drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
-        events=_events(folder, model),
+        events=read_events(folder, model),
     )
 
 
@@ -124,7 +124,7 @@ def _judged(folder: Path, info: dict[str, Any]) -> dict[str, Any]:
     return {**info, "verdict": {**verdict, "word": FAIL, "reasons": reasons}}
 
 
-def _events(folder: Path, model: Model) -> pd.DataFrame | None:
+def read_events(folder: Path, model: Model) -> pd.DataFrame | None:
     """The table of events; None if the model has neither contacts nor events."""
     path = find(folder, file_name(EVENTS))
     if not (model.rigid_contacts or model.events):

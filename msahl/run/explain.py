@@ -120,7 +120,11 @@ def _events(model: Model) -> Iterator[str]:
     if model.released:
         yield f"released at t = 0: {', '.join(model.released)}"
     for event in model.events[:MOST_LISTED]:
+        sets = [change.state for change in event.states]
+        sets += [f"{p.load}.{p.parameter} = {p.value:g}" for p in event.parameters]
+        pushes = [impulse.element for impulse in event.impulses]
         actions = [("releases", event.releases), ("engages", event.engages)]
+        actions += [("sets", tuple(sets)), ("pushes", tuple(pushes))]
         done = [f"{verb} {', '.join(names)}" for verb, names in actions if names]
         often = "each time that" if event.repeats else "when"
         what = ", ".join(done) or "gives its message"

@@ -116,8 +116,9 @@ def _work_of_reactions(integrator: SubsystemIntegrator) -> float:
 
 
 def _momentum(integrator: SubsystemIntegrator) -> Momentum | None:
-    """Momentum of a subsystem on which nothing acts from outside."""
-    workspace = integrator.workspace
-    if not is_alone(workspace.system):
+    """Momentum of a subsystem on which nothing acts from outside, no impulse at a marker either."""
+    workspace, events = integrator.workspace, integrator.model.events
+    pushed = any(impulse.marker for event in events for impulse in event.impulses)
+    if pushed or not is_alone(workspace.system):
         return None
     return momentum(workspace.system, workspace.state, workspace.start)

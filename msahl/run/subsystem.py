@@ -49,6 +49,7 @@ from msahl.system.switches import (
     Switches,
     build_at_start,
     conditions_of,
+    vectors_of_impulses,
     with_all_engaged,
     without,
 )
@@ -151,7 +152,9 @@ class SubsystemIntegrator:
         if _prepare(system, state, work_arrays.start, work_arrays.call):
             at_rest = None  # that of other angles
         start = work_arrays.start
-        self.axis = None if full else plane_normal(with_all_engaged(system, self.switches), start)
+        pushes = vectors_of_impulses(model) if model.events else None
+        engaged = with_all_engaged(system, self.switches)
+        self.axis = None if full else plane_normal(engaged, start, pushes)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)

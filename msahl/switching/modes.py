@@ -1,4 +1,4 @@
-"""Which joints, couplings and motions of a subsystem are engaged, and the events that change that.
+"""Which joints, couplings and motions of a subsystem are engaged, and the events of the deck.
 
 A release leaves positions and velocities as they are; accelerations and reactions are those without
 the element. An element that is engaged must fit the positions; an impulse L closes the jump of the
@@ -8,6 +8,7 @@ velocities, with those of all other constraints and without contacts, whose impa
     [ G    0  ] [ L  ] = [ -G v ]
 
 It takes the energy -sum L (G v+ + G v-)/2, which is the work of the event with its sign reversed.
+What an event sets and pushes is in ``switching.actions``.
 
 The condition of an event waits to become true; then the event happens, and one that repeats waits
 for its condition to become false.
@@ -27,6 +28,7 @@ from msahl.model.events import Event
 from msahl.ports import forces
 from msahl.start.redundancy import is_regular
 from msahl.start.velocities import add_to_velocities, solve_accelerations, solve_at_rest
+from msahl.switching.actions import Actions, Done, NoVelocity
 from msahl.system import evaluate, switches
 from msahl.system.arrays import State, System, node_count
 from msahl.system.state import work_of_events
@@ -70,6 +72,7 @@ class Switching:
         rises = {name: np.zeros_like(state.v_rise) for name in ("v_rise", "w_rise")}
         still = state._replace(**rises)
         self.work_arrays = new_work_arrays(system, still)._replace(call=PlainFirst(system))
+        self.actions = Actions(model, conditions, system, state, self.work_arrays)
         self.chosen: dict[bytes, Unknowns] = {}
         self.size = np.zeros(len(self.deck))  # largest margin of each condition so far
         self.events: list[ContactEvent] = []  # those not yet published
@@ -81,7 +84,8 @@ class Switching:
     @property
     def key(self) -> bytes:
         """What differs from mode to mode."""
-        return b"" if self.switches is None else self.switches.engaged.tobytes()
+        engaged = b"" if self.switches is None else self.switches.engaged.tobytes()
+        return engaged + self.actions.key
 
     @property
     def unknowns(self) -> Unknowns:
@@ -126,8 +130,8 @@ class Switching:
         return int(np.argmax(due)) if due.any() else None
 
     def reach(self, k: int) -> bool:
-        """Let the condition of event ``k`` be what it waited for; return whether anything was
-        released or engaged. Raises ``EventImpossible``.
+        """Let the condition of event ``k`` be what it waited for; return whether anything has
+        changed. Raises ``EventImpossible``.
         """
         self._count(k)
         event, awaits = self.deck[k], self.conditions.awaits
@@ -135,16 +139,20 @@ class Switching:
             awaits[k] = RISES
             return False
         before, contacts = self.counters, self.contacts.counters if self.contacts else {}
+        moving = self.state.v, self.state.w, self.state.auxiliary, self.state.work
+        saved = [array.copy() for array in moving]
         try:
             self._happen(event, k)
         except EventImpossible:
             self.restore(before)
+            for array, old in zip(moving, saved, strict=True):
+                array[:] = old
             if self.contacts is not None:
                 self.contacts.restore(contacts)
             raise
         awaits[k] = FALLS if event.repeats else NEVER
         self.happened[k] += 1
-        return bool(event.elements)
+        return event.acts
 
     def _count(self, k: int) -> None:
         """Raise ``EventImpossible`` if events follow each other without an end at one time."""
@@ -158,7 +166,8 @@ class Switching:
             )
 
     def _happen(self, event: Event, k: int) -> None:
-        """Release and engage what the ``event`` of number ``k`` says."""
+        """Release, engage, set and push what the ``event`` of number ``k`` says."""
+        values = self.actions.values(k, self._unknowns_of_steps)
         for name in event.releases:
             self._switch(event, name, engage=False)
         before, engaged = energy(self.system, self.state, self.work_arrays), []
@@ -167,8 +176,29 @@ class Switching:
         closed = self._close_jump(event, engaged)
         change = energy(self.system, self.state, self.work_arrays) - before if engaged else 0.0
         self.state.work[self.column + k] += change
+        done = self._act(event, k, values)
         self._settle()
-        self._note(event, engaged, closed, 0.0 - change)
+        self._note(event, engaged, closed, 0.0 - change, done)
+
+    def _act(self, event: Event, k: int, values: list[float]) -> list[Done]:
+        """Set and push what the ``event`` of number ``k`` says by its ``values``."""
+        done = []
+        try:
+            for one in self.actions.carry_out(event, values, self.unknowns):
+                self.state.work[self.column + k] += one.work
+                done.append(one)
+        except NoVelocity as error:
+            raise EventImpossible(
+                f"at t = {float(self.state.time[0]):.9g} s event '{event.name}' cannot change the "
+                f"velocity of '{error}', which joints and motions prescribe; release one of them, "
+                "or give the <size> of the impulse"
+            ) from error
+        return done
+
+    @property
+    def _unknowns_of_steps(self) -> Unknowns:
+        """The unknowns with those of contacts that are closed."""
+        return self.unknowns if self.contacts is None else self.contacts.held.unknowns
 
     def _switch(self, event: Event, name: str, engage: bool) -> bool:
         """Release or engage the element ``name``; return whether an impulse may be needed."""
@@ -273,10 +303,10 @@ class Switching:
 
     def _settle(self) -> None:
         """Set accelerations and reactions to those of what is engaged now; contacts come after."""
-        state, unknowns = self.state, self.unknowns
+        state = self.state
         if self.contacts is not None:
-            self.contacts.held.without = unknowns
-            unknowns = self.contacts.held.unknowns
+            self.contacts.held.without = self.unknowns
+        unknowns = self._unknowns_of_steps
         if self.switches is not None and self.system.scalar is not None:
             place = self.system.scalar.equations.place[self.switches.row]
             state.violation[place[:, 0], place[:, 1]] = 0.0
@@ -290,9 +320,10 @@ class Switching:
         engaged: Sequence[str],
         closed: dict[str, tuple[float, float, float]],
         lost: float,
+        done: Sequence[Done],
     ) -> None:
-        """Add the rows of an ``event``; the energy that it took stands beside the first element
-        that is engaged.
+        """Add the rows of an ``event``; the energy that engaging took stands beside the first
+        element that is engaged.
         """
         t = float(self.state.time[0])
         numbers: dict[str, Any] = dict.fromkeys(ContactEvent._fields, 0.0)
@@ -310,6 +341,9 @@ class Switching:
                     energy_lost=lost if engaged[:1] == [name] else 0.0,
                 )
             )
+        for kind, name, before, after, impulse, work in done:
+            row = row._replace(kind=kind, element=name, speed_before=before, speed_after=after)
+            rows.append(row._replace(impulse=impulse, energy_lost=0.0 - work))
         self.events += rows or [row._replace(kind=HAPPENS, element="")]
         if event.message and len(self.messages) < MOST_MESSAGES:
             self.messages.append({"time": t, "event": event.name, "message": event.message})
@@ -352,6 +386,7 @@ class Switching:
             "awaits": self.conditions.awaits.tolist(),
             "size": self.size.tolist(),
             "happened": self.happened.tolist(),
+            "parameters": self.actions.counters,
             "messages": [*self.messages],
             "events": [self.published, len(self.events)],
         }
@@ -359,6 +394,7 @@ class Switching:
     def restore(self, counters: dict[str, Any]) -> None:
         """Restore what ``counters`` returned; events after it are forgotten."""
         self._restore_elements(counters)
+        self.actions.restore(counters["parameters"])
         self.conditions.awaits[:] = counters["awaits"]
         self.size = np.array(counters["size"])
         self._grow(self.size)

@@ -265,11 +265,20 @@ class _Collector:
                 into.append(ConcentratedEntry(load, law, column))
             if isinstance(load, ConcentratedLoad | PointLoad):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
+        self._impulses()
         if self.switched:
             self.elements.add_law(IDLE)
         known = len(self.elements.coordinates)
         collector = SignalCollector(model, self._joint_coordinate, self._marker_distance, known)
         self.elements.signals = collector.entries()
+
+    def _impulses(self) -> None:
+        """Add the points on which impulses act: bodies with points do not fly freely."""
+        markers = {marker.name: marker for marker in self.model.markers}
+        for impulse in (each for event in self.model.events for each in event.impulses):
+            if impulse.marker:
+                marker = markers[impulse.marker]
+                self.elements.add_point(self.elements.frame[marker.body], marker.point)
 
     def _marker_distance(self, start: Marker, end: Marker) -> int:
         """Add the distance of two markers and return its number."""

@@ -305,7 +305,7 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
     entries = elements.signals
     if entries is None or topology.signals is None:
         return None
-    tape, (rate, result, shown, stop, _) = tape_of(entries)
+    tape, (rate, result, shown, stop, *_) = tape_of(entries)
     axes = [marker.axes for marker in entries.markers]
     return Signals(
         **topology.signals,
@@ -324,12 +324,14 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
 
 def tape_of(entries: SignalEntries) -> tuple[Tape, list[np.ndarray]]:
     """Return the tape of all expressions, and the places on it of: rates of auxiliary states,
-    results, published values, margins of the conditions that end the run, those of events.
+    results, published values, margins of the conditions that end the run, those of events, values
+    that events need.
     """
     names = [entry.name for entry in entries.inputs] + [state.name for state in entries.states]
     rates = [state.rate for state in entries.states]
     results = [entry.expression for entry in entries.results]
-    trees = rates, results, entries.shown, entries.stops, entries.conditions
+    events = entries.conditions, entries.values
+    trees = rates, results, entries.shown, entries.stops, *events
     tape, places = build_tape(
         [tree for each in trees for tree in each], names, entries.named, entries.tables
     )

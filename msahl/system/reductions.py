@@ -38,10 +38,15 @@ ROUND_OFF = 16 * np.finfo(float).eps
 another by two matrices of rotation loses a few machine epsilons of its length."""
 
 
-def plane_normal(system: System, start: SystemWorkspace) -> int | None:
-    """Index of the inertial axis along which nothing ever happens, or None; ``start`` prepared."""
+def plane_normal(
+    system: System, start: SystemWorkspace, pushes: np.ndarray | None = None
+) -> int | None:
+    """Index of the inertial axis along which nothing ever happens, or None; ``start`` prepared.
+    ``pushes`` (k, 3) are vectors of impulses to come that must lie in the plane, as forces must.
+    """
     for axis in (1, 2, 0):
-        if _is_planar(system, start, axis):
+        lies = pushes is None or _is_zero(pushes[:, [axis]], pushes)
+        if lies and _is_planar(system, start, axis):
             return axis
     return None
 

@@ -5,7 +5,7 @@ markers, reactions. ``SignalEntries`` has the inputs of all expressions that a m
 once, and for each result (the load of an actuator) the inputs that it depends on.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from msahl.expressions.syntax import Name, Tree
 from msahl.expressions.tape import Table
 from msahl.joints.coordinates import angle_offset
 from msahl.joints.expression_values import MARKER_VALUES, RATE, REACTION_VALUES
-from msahl.model import Marker, Model, Signal, SignalState, SignalTable
+from msahl.model import Event, Marker, Model, Signal, SignalState, SignalTable
 from msahl.model.loads import Actuator, ConcentratedLoad, JointActuator, MarkerActuator
 from msahl.model.signals import TIME, AnySignal, element_and_value, reached, tree_of
 
@@ -50,10 +50,20 @@ class SignalEntries(NamedTuple):
     shown: tuple[Tree, ...]  # published values
     stops: tuple[Tree, ...]  # margins of the conditions that end the run
     conditions: tuple[Tree, ...]  # likewise of those of events
+    values: tuple[Tree, ...]  # of states that these set, and of impulses
     inputs: tuple[InputEntry, ...]
     counted: tuple[int, ...]  # coordinates whose angle begins with its own value, not with zero
     markers: tuple[Marker, ...]
     results: tuple[ResultEntry, ...]
+
+
+def _pushed(events: Iterable[Event]) -> Iterator[str]:
+    """Yield the rates along which impulses of ``events`` act, of markers in all directions."""
+    for impulse in (impulse for event in events for impulse in event.impulses):
+        if impulse.joint:
+            yield f"{impulse.joint}.{impulse.coordinate}{RATE}"
+        else:
+            yield from (f"{impulse.marker}.{value}" for value in ("vx", "vy", "vz"))
 
 
 class SignalCollector:
@@ -87,12 +97,15 @@ class SignalCollector:
         laws = [law for load in loads if (law := load.expression) is not None]
         trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
         conditions = tuple(event.expression for event in model.events)
-        others = [*laws, *(stop.expression for stop in model.stops), *conditions]
+        values = tuple(tree for event in model.events for tree in event.values)
+        others = [*laws, *(stop.expression for stop in model.stops), *conditions, *values]
         if not trees and not others:
             return None
         for name in reached([*trees.values(), *others], {}):
             if name not in trees:
                 self._input(name)
+        for name in _pushed(model.events):
+            self._input(name)
         published = [Name(s.name) for s in model.signals if not isinstance(s, SignalTable)]
         results = tuple(
             self._result(column[load.name], load, law)
@@ -105,6 +118,7 @@ class SignalCollector:
             shown=(*published, *laws),
             stops=tuple(stop.expression for stop in model.stops),
             conditions=conditions,
+            values=values,
             inputs=tuple(entry for _, entry in self._inputs.values()),
             counted=tuple(self._counted),
             markers=tuple(self._markers[name] for name in self._used),

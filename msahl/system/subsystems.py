@@ -76,6 +76,7 @@ class _Owners:
         }
         self._bodies = {marker.name: marker.body for marker in model.markers}
         self._signals = {signal.name for signal in model.signals}
+        self._loads = {load.name: load for load in model.loads}
 
     def touched(self, element: Any) -> list[Hashable]:
         """Names of the bodies and grounds, and of the signals, that an element couples."""
@@ -83,6 +84,7 @@ class _Owners:
         if isinstance(element, Event):
             for name in element.elements:
                 names |= _touched(self._switched[name], self._joints)
+            names |= self._changed(element)
         if isinstance(element, Beam):
             names |= set(element.nodes)
         if isinstance(element, MarkerActuator):
@@ -90,9 +92,21 @@ class _Owners:
         if isinstance(element, Signal | SignalState | SignalTable):
             names.add((element.name,))
         tree = getattr(element, "expression", getattr(element, "rate", None))
-        for node in () if tree is None else postorder(tree):
+        trees = [] if tree is None else [tree]
+        trees += element.values if isinstance(element, Event) else ()
+        for node in (node for tree in trees for node in postorder(tree)):
             names |= self._used(node)
         return sorted(names, key=repr)
+
+    def _changed(self, event: Event) -> set[Hashable]:
+        """Names of what an event sets, and of the bodies on which its impulses act."""
+        names: set[Hashable] = {(change.state,) for change in event.states}
+        for change in event.parameters:
+            names |= _touched(self._loads[change.load], self._joints)
+        for impulse in event.impulses:
+            names |= _touched(impulse, self._joints) if impulse.joint else set()
+            names |= {self._bodies[impulse.marker], impulse.basis} if impulse.marker else set()
+        return names
 
     def _used(self, node: Tree) -> set[Hashable]:
         """Names on which a part of an expression depends."""

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import evaluate
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import IDENTITY, sub, times
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.joints.joint import Equation
@@ -47,6 +49,7 @@ class Conditions(NamedTuple):
     place: np.ndarray  # (e,) of the margin on the tape
     awaits: np.ndarray  # (e,) RISES, FALLS or NEVER; changes during a run
     near: np.ndarray  # (e,) margin that is zero but for round-off; changes during a run
+    value: np.ndarray  # (v,) places of the values of all events, in their order
 
 
 def conditions_of(model: Model) -> Conditions | None:
@@ -54,8 +57,8 @@ def conditions_of(model: Model) -> Conditions | None:
     entries = collect(model).signals if model.events else None
     if entries is None:
         return None
-    place = tape_of(entries)[1][-1]
-    return Conditions(place, np.full(place.size, RISES), np.zeros(place.size))
+    place, value = tape_of(entries)[1][-2:]
+    return Conditions(place, np.full(place.size, RISES), np.zeros(place.size), value)
 
 
 def switches_of(model: Model, system: System) -> Switches | None:
@@ -137,6 +140,21 @@ def build_released(model: Model) -> System:
     for k in range(len(found.names)):
         release(system, found, k)
     return system
+
+
+def vectors_of_impulses(model: Model) -> np.ndarray:
+    """(k, 3) directions and arms of the impulses at markers, as they are at t = 0, inertial
+    axes.
+    """
+    bodies = {body.name: body for body in model.bodies}
+    markers, found = {marker.name: marker for marker in model.markers}, [np.zeros(3)]
+    for impulse in (each for event in model.events for each in event.impulses if each.marker):
+        marker = markers[impulse.marker]
+        body, basis = bodies[marker.body], bodies.get(impulse.basis)
+        axes = IDENTITY if basis is None else matrix(basis.orientation)
+        found += [np.array(times(axes, impulse.direction))]
+        found += [np.array(times(matrix(body.orientation), sub(marker.point, body.r_BG)))]
+    return np.array(found)
 
 
 def with_all_engaged(system: System, switches: Switches | None) -> System:

@@ -135,7 +135,7 @@ def _excluded(model: Model, system: System) -> str:
             bool(model.rigid_contacts),
             "contacts open and close, which joint coordinates do not follow",
         ),
-        (bool(model.events or model.switched), "events release or engage its constraints"),
+        (bool(model.events or model.switched), "events change its constraints, laws or velocities"),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),

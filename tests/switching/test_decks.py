@@ -15,6 +15,7 @@ from msahl.deck.write_model import write_deck
 from tests.support.models import ROOT, deck
 
 PATH = ROOT / "decks" / "contact" / "trebuchet.xml"
+CLOCK = ROOT / "decks" / "machines" / "clock.xml"
 TEXT = PATH.read_text()
 G = 9.80665
 
@@ -149,7 +150,7 @@ def test_explain_says_why_steps_are_in_absolute_coordinates(tmp_path):
     text = TEXT[: TEXT.index("    <contacts>")] + TEXT[TEXT.index("    <markers>") :]
     (tmp_path / "deck.xml").write_text(text.replace("<release>Trough</release>", ""))
     done = CliRunner().invoke(main, ["explain", str(tmp_path / "deck.xml")])
-    assert "events release or engage its constraints" in done.output
+    assert "events change its constraints, laws or velocities" in done.output
     assert "event Fire: releases Trigger when t >= 0.2" in done.output
 
 
@@ -180,3 +181,144 @@ def test_the_clutch_joins_its_flywheels(tmp_path):
     assert run.work["Shift.work"].iloc[-1] == pytest.approx(-0.6, abs=1e-12)
     for body in ("Driver", "Driven"):
         assert run.states[f"{body}.wz"].iloc[-1] == pytest.approx(4.0, abs=1e-12)
+
+
+TICK = CLOCK.read_text()
+IMPULSE = TICK[TICK.index("        <impulse>") : TICK.index("        <set")]
+SET = '<set name="Hairspring.stiffness" units="N-m/rad">0.09</set>'
+ACTION_FAULTS = {
+    "unknown state": ('"Ticks">{T', '"Tick">{T', "set 'Tick' is neither a <state> nor a number of"),
+    "unknown number": ("Hairspring.stiffness", "Hairspring.stifness", "did you mean"),
+    "no such load": (
+        "Hairspring.stiffness",
+        "Spring.stiffness",
+        "set 'Spring.stiffness' is neither",
+    ),
+    "unit of a number": (
+        '"N-m/rad">0.09',
+        '"N/m">0.09',
+        "'N/m' does not fit here; expected one of",
+    ),
+    "a number that moves": (">0.09<", ">{0.01*Ticks}<", "'Ticks' is not; give an actuator"),
+    "no number": (">0.09<", ">{0.01/0}<", "division by zero"),
+    "negative damping": (
+        SET,
+        SET.replace("stiffness", "damping").replace("N-m/rad", "N-m-sec/rad").replace("0", "-0", 1),
+        "'Hairspring.damping': ",
+    ),
+    "twice": (SET, SET + SET, "it sets 'Hairspring.stiffness' twice"),
+    "unknown name": ("{Ticks + 1}", "{Tocks + 1}", "unknown name 'Tocks'"),
+    "no joint": ("<joint>Staff</joint><c", "<joint>Stuff</joint><c", "'Stuff' is not a joint"),
+    "no coordinate": (
+        IMPULSE,
+        IMPULSE.replace("angle", "slide").replace(' units="rad/s"', ""),
+        "has no coordinate slide",
+    ),
+    "half": ("<joint>Staff</joint><c", "<c", "give either <joint> and <coordinate>, or <marker>"),
+    "both sizes": (
+        "<velocityChange",
+        "<size>1</size><velocityChange",
+        "give either its <size>, or the <velocityChange> along it",
+    ),
+    "unit of a size": ('"rad/s">1', '"m/s">1', "'m/s' does not fit here; rad/s is needed"),
+    "no marker": (
+        IMPULSE,
+        "<impulse><marker>Rim</marker><size>1</size></impulse>",
+        "'Rim' is not a marker",
+    ),
+    "direction": (
+        "<velocityChange",
+        "<direction><x>1</x></direction><velocityChange",
+        "along a joint's coordinate it has no effect; delete it",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ACTION_FAULTS)
+def test_faults_of_what_events_set_and_push(tmp_path, name):
+    old, new, message = ACTION_FAULTS[name]
+    assert old in TICK
+    path = tmp_path / "deck.xml"
+    path.write_text(TICK.replace(old, new, 1))
+    with pytest.raises(DeckError) as error:
+        read_deck(path)
+    assert message in str(error.value)
+    assert "deck.xml:" in str(error.value)
+    assert "event '" in str(error.value)
+
+
+def test_a_direction_is_needed_at_a_marker_of_a_body(tmp_path):
+    marker = "<markers><marker><name>Rim</name><body>Wheel</body></marker></markers>"
+    push = "<impulse><marker>Rim</marker><size>1</size></impulse>"
+    text = TICK.replace(IMPULSE, push).replace("  </system>", f"{marker}</system>")
+    for given, message in (
+        (text, "<direction> is missing or zero"),
+        (
+            text.replace("<body>Wheel", "<body>Plate"),
+            "'Rim' is on a ground, which never moves; name one of a rigid body",
+        ),
+    ):
+        (tmp_path / "deck.xml").write_text(given)
+        with pytest.raises(DeckError, match=message):
+            read_deck(tmp_path / "deck.xml")
+
+
+def test_actions_are_written_and_read_back(tmp_path):
+    marker = "<markers><marker><name>Rim</name><body>Wheel</body></marker></markers>"
+    push = (
+        '<impulse><marker>Rim</marker><direction basis="Wheel"><x>1</x><y>2</y></direction>'
+        '<size units="N-s">{0.1*Rim.vx}</size></impulse></event>'
+    )
+    text = TICK.replace("</event>", push, 1).replace("  </system>", f"{marker}</system>")
+    units = "<parameters><parameter name='k' units='N-m/rad'>0.09</parameter></parameters>"
+    text = text.replace('units="N-m/rad">0.09', ">{k}").replace("  <system>", f"{units}<system>")
+    (tmp_path / "given.xml").write_text(text)
+    model = read_deck(tmp_path / "given.xml")
+    assert check(model) == []
+    assert model.events[1].parameters[0].value == 0.09
+    (tmp_path / "written.xml").write_bytes(write_deck(model))
+    assert read_deck(tmp_path / "written.xml").events == model.events
+
+
+def test_the_clock_ticks(tmp_path):
+    """After each tick w+ = q w+ + 1; each swing takes 2 pi/w of the damped oscillation."""
+    done = CliRunner().invoke(main, ["run", str(CLOCK), "-o", str(tmp_path / "run")])
+    assert done.exit_code == 0, done.output
+    run = msahl.read(tmp_path / "run")
+    ticks = run.events[run.events.kind == "pushes"]
+    w, decay = np.sqrt(40.0 - 0.04), 0.2
+    t = (np.pi - np.arctan(w / decay)) / w
+    v = 0.5 * 40.0 / w * np.exp(-decay * t) * np.sin(w * t)
+    q, period = np.exp(-decay * 2.0 * np.pi / w), 2.0 * np.pi / w
+    first = ticks[ticks.time < 6.3]
+    times = t + period * np.arange(7)
+    assert first.time.to_numpy() == pytest.approx(times, abs=1e-11)
+    for found in first.gapSpeedBefore:
+        assert found == pytest.approx(v, abs=1e-11)
+        v = q * (v + 1.0)
+    assert first.impulse.to_numpy() == pytest.approx(0.001, abs=1e-15)
+    later = ticks[ticks.time > 6.3].time.to_numpy()
+    assert np.diff(later) == pytest.approx(2.0 * np.pi / np.sqrt(90.0 - 0.04), abs=1e-10)
+    (regulate,) = run.events[run.events.event == "Regulate"].to_dict("records")
+    since = 6.3 - times[-1]
+    speed = first.gapSpeedAfter.iloc[-1]
+    angle = speed / w * np.exp(-decay * since) * np.sin(w * since)
+    assert regulate["energyLost"] == pytest.approx(-0.5 * 0.05 * angle**2, abs=1e-13)
+    assert run.signals["Ticks"].iloc[-1] == len(ticks)
+
+
+def test_the_grip_of_a_bat_feels_nothing(tmp_path):
+    path = ROOT / "decks" / "basics" / "centre_of_percussion.xml"
+    done = CliRunner().invoke(main, ["run", str(path), "-o", str(tmp_path / "run")])
+    assert done.exit_code == 0, done.output
+    run = msahl.read(tmp_path / "run")
+    (row,) = run.events.to_dict("records")
+    assert (row["kind"], row["element"], row["impulse"]) == ("pushes", "Sweet", 0.3)
+    # L/m + (l/6)^2 L/J = 2/3 m/s at the place of the impulse.
+    assert row["gapSpeedAfter"] == pytest.approx(2.0 / 3.0, abs=1e-14)
+    assert row["energyLost"] == pytest.approx(-0.1, abs=1e-14)
+    after = run.markers[run.markers.time > 0.505]
+    turned = after.time - 0.5  # from where the grip rests, the bat rolls on a line through it
+    assert after["Grip.vx"].to_numpy() == pytest.approx(0.5 * np.sin(turned), abs=1e-12)
+    assert after["Grip.vy"].to_numpy() == pytest.approx(0.5 - 0.5 * np.cos(turned), abs=1e-12)
+    assert run.states["Bat.wz"].iloc[-1] == pytest.approx(1.0, abs=1e-12)

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from msahl.model import Options, PlaneContact
+from msahl.expressions.syntax import parse
+from msahl.model import Options, PlaneContact, SignalState
+from msahl.model.events import ParameterChange
 from msahl.model.scheme import split
 from tests.contact.test_resume import in_two_parts, tables_of
 from tests.support.models import GROUND
 from tests.switching.models import event, flywheels, pendulum
+from tests.switching.test_actions import along, oscillator, set_state
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -34,10 +37,28 @@ def falling():
     return replace(pendulum("t > 9"), contacts=(floor,), events=events)
 
 
+def ticking():
+    """A damped oscillator that is pushed and counted, and whose stiffness changes to and fro."""
+    soft, hard = ((ParameterChange("Spring", "stiffness", k),) for k in (100.0, 150.0))
+    events = (
+        event(
+            "Tick",
+            "Guide.slide < 0.2",
+            impulses=(along("Guide", "0.1*Guide.slideRate", "slide"),),
+            states=(set_state("Ticks", "Ticks + Guide.slideRate"),),
+            repeats=True,
+        ),
+        event("Hard", "sin(9*t) > 0.5", parameters=hard, repeats=True),
+        event("Soft", "sin(9*t) < -0.5", parameters=soft, repeats=True),
+    )
+    states = (SignalState("Ticks", parse("0")),)
+    return oscillator(*events, damping=0.5, signals=states)
+
+
 @pytest.mark.sampled
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 @pytest.mark.parametrize("error", ["off", "estimate"])
-@pytest.mark.parametrize("make", [shifting, falling])
+@pytest.mark.parametrize("make", [shifting, falling, ticking])
 def test_given_steps(monkeypatch, make, error, scheme):
     family, degree = split(scheme)
     model = make()
@@ -52,7 +73,7 @@ def test_given_steps(monkeypatch, make, error, scheme):
         assert rest[0].events == complete[0].events
 
 
-@pytest.mark.parametrize("make", [shifting, falling])
+@pytest.mark.parametrize("make", [shifting, falling, ticking])
 def test_steps_by_tolerance(monkeypatch, make):
     model, options = make(), Options(error="off")
     given = {"scheme": "gauss", "degree": 3, "local_tolerance": 1e-8, "output_interval": 0.05}

@@ -118,7 +118,7 @@ def _record(graph: Graph, curves: Sequence[tuple[str, np.ndarray]]) -> dict[str,
             {"name": name, "values": _packed(series)}
             for (name, _), series in zip(curves, values, strict=True)
         ],
-    }
+    } | ({"marks": [{"time": t, "name": name} for t, name in graph.marks]} if graph.marks else {})
 
 
 def _packed(values: np.ndarray) -> str:

@@ -11,6 +11,7 @@ The data of a viewer, which ``viewer.js`` reads, is
         "motion": {...} or null,     # of ``pack_poses``; null: the scene does not move
         "columns": {...} or null,    # of ``pack_columns``
         "modes": {...} or null,      # of ``modes.py``, in place of a motion
+        "happenings": {...},         # of ``happenings.py``: contacts and events, if there are some
         "isPartial": bool,           # whether the run stopped early
       }],
     }
@@ -19,17 +20,22 @@ The data of a viewer, which ``viewer.js`` reads, is
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msahl.joints.coordinates import is_angle
 from msahl.post.page.markup import element
 from msahl.post.page.parts import Part, write_page
 from msahl.post.scene import scene_of_run
 from msahl.post.view.columns import columns_of_run, pack_columns
+from msahl.post.view.happenings import happenings, loads_of_contacts
 from msahl.post.view.poses import Poses, choose_keys, pack_poses, poses_of_run
 from msahl.records import record
+from msahl.results.read import read_events
 from msahl.results.sample import Sample, read_sample
 from msahl.run.tables import JOINTS, MARKERS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 POSE_NUMBERS = 300_000
 """Most numbers of key poses of ten bodies, and in proportion of more: about 300 kB of the page."""
@@ -56,11 +62,13 @@ class Shown:
     columns: Mapping[str, Any] | None = None
     is_partial: bool = False
     modes: Mapping[str, Any] | None = None
+    happenings: Mapping[str, Any] | None = None
 
 
 def show_run(folder: Path, patterns: tuple[str, ...] = ()) -> Shown:
     """Read a run for the viewer, with the columns that match a pattern (all without one)."""
-    return show_sample(read_sample(folder, READ_NUMBERS, READ_ROWS), patterns)
+    sample = read_sample(folder, READ_NUMBERS, READ_ROWS)
+    return show_sample(sample, patterns, events=read_events(folder, sample.model))
 
 
 def show_error(folder: Path, patterns: tuple[str, ...] = ()) -> list[Shown]:
@@ -70,12 +78,20 @@ def show_error(folder: Path, patterns: tuple[str, ...] = ()) -> list[Shown]:
     from msahl.post.view.companion import companion_of  # a run needs what no view does
 
     sample = read_sample(folder, READ_NUMBERS, READ_ROWS)
-    first, finer = (show_sample(each, patterns) for each in (sample, companion_of(sample)))
+    first = show_sample(sample, patterns, events=read_events(folder, sample.model))
+    finer = show_sample(companion_of(sample), patterns)
     return [first, replace(finer, name=f"{first.name}, with smaller steps")]
 
 
-def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = True) -> Shown:
-    """Return what a viewer shows of the output times that were read of a run."""
+def show_sample(
+    sample: Sample,
+    patterns: tuple[str, ...] = (),
+    columns: bool = True,
+    events: "pd.DataFrame | None" = None,
+) -> Shown:
+    """Return what a viewer shows of the output times that were read of a run, and of its
+    ``events``.
+    """
     scene = scene_of_run(sample)
     poses = poses_of_run(sample)
     size = max(2.0 * poses.reach, float(scene["size"]))
@@ -89,6 +105,7 @@ def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = 
         motion=pack_poses(poses, keys.rows),
         columns=packed,
         is_partial=sample.partial,
+        happenings=happenings(sample.model, events, loads_of_contacts(sample)),
     )
 
 
@@ -127,6 +144,7 @@ def viewer_block(
         "runs": [
             {"name": s.name, "note": s.note, "isPartial": s.is_partial}
             | {"scene": s.scene, "motion": s.motion, "columns": s.columns, "modes": s.modes}
+            | ({"happenings": s.happenings} if s.happenings else {})
             for s in shown
         ],
     }

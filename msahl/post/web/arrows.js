@@ -7,7 +7,7 @@ const LONGEST = 1.5; // of an arrow, divided by the size of the model
 const HEAD = 0.035; // of an arrow, likewise
 const HEAD_APART = 0.8; // distance of the two heads of a moment, divided by the length of one
 
-class Arrow {
+export class Arrow {
   constructor(colour, size, heads, parent) {
     this.material = new THREE.MeshBasicMaterial({ color: colour });
     this.size = size;

@@ -12,7 +12,7 @@ const VIEW_NAMES = [
 const KEYS = [
   ["Space", "play, pause"], ["← →", "one output time back, forward"], ["Shift ← →", "ten output times"],
   ["Home, End", "begin, end"], ["+ −", "faster, slower"], ["L", "loop"], ["0 – 7", "standard views"],
-  ["N A T", "names, axes, paths"], ["R J S", "forces, joints, springs"], ["X D", "see through bodies, grid"],
+  ["N A T", "names, axes, paths"], ["R J S", "forces, joints, springs"], ["C", "contacts and impulses"], ["X D", "see through bodies, grid"],
   ["G M", "graph, model"], ["P", "picture of this frame"], ["Esc", "select and follow nothing"],
 ];
 

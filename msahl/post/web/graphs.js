@@ -1,5 +1,6 @@
 // Small graphs that share cursor and zoom, drawn by uPlot.
 import { loadBundle, readJson } from "./bundles.js";
+import { drawMarks } from "./marks.js";
 import { shortNumber, tickTexts } from "./numbers.js";
 import { colourOf } from "./page.js";
 
@@ -136,6 +137,7 @@ function drawGraph(place, width) {
     hooks: {
       setScale: [zoomAll],
       setCursor: [(plot) => readOut(plot, place)],
+      draw: [drawMarks(record.marks ?? [])],
     },
   };
   place.replaceChildren();

@@ -2,7 +2,7 @@
 import { setSpeedBy } from "./bars.js";
 
 export const VIEWS = ["home", "front", "back", "left", "right", "top", "bottom", "corner"];
-const SWITCHES = { n: "names", a: "axes", t: "traces", r: "arrows", j: "joints", s: "springs", x: "through", d: "floor" };
+const SWITCHES = { n: "names", a: "axes", t: "traces", r: "arrows", c: "contacts", j: "joints", s: "springs", x: "through", d: "floor" };
 
 export function listenToKeys(viewer) {
   // A page that is nothing but a viewer listens everywhere, one in a report where it has the focus.

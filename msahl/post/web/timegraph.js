@@ -2,6 +2,7 @@
 // A graph of columns over the time, with a cursor that moves with the time and moves it.
 import { colourOf } from "./page.js";
 import { make } from "./dom.js";
+import { drawMarks } from "./marks.js";
 import { tickTexts } from "./numbers.js";
 
 const MOST = 7; // columns at once: the page has as many colours
@@ -70,6 +71,7 @@ export class TimeGraph {
       scales,
       legend: { show: false },
       cursor: { show: false },
+      hooks: { draw: [drawMarks(this.runs[0].happenings?.marks ?? [])] },
       padding: [8, 24, 0, 0],
     };
     this.plot = new uPlot(options, this.joined(series), this.area);

@@ -5,6 +5,7 @@ import { isDark } from "./page.js";
 import { Arrows } from "./arrows.js";
 import { buildBar, buildHelp, buildTop } from "./bars.js";
 import { download, make } from "./dom.js";
+import { Contacts, CONTACT_STATES } from "./contacts.js";
 import { drawGizmo } from "./gizmo.js";
 import { Labels, pick } from "./labels.js";
 import { listenToKeys } from "./keys.js";
@@ -35,6 +36,7 @@ export class Viewer {
     for (const model of this.models) this.stage.scene.add(model.root);
     this.arrows = this.models.map((model, index) => new Arrows(model, runs[index].columns));
     Arrows.share(this.arrows);
+    this.contacts = this.models.map((model, index) => new Contacts(model, runs[index].happenings));
     this.traces = this.models.map((model) => new Traces(model));
     this.labels = new Labels(this.overlay, this.models[0]);
     this.player = new Player(Math.max(...runs.map((run) => run.motion.end)), runs[0].motion.outputs, () => this.invalidate());
@@ -57,6 +59,7 @@ export class Viewer {
     this.setPanel("tree", this.data.isPage && this.element.clientWidth > 900);
     this.setPanel("graph", this.data.isPage && this.element.clientWidth > 700 && this.element.clientHeight > 560);
     this.help.hidden = true;
+    if (this.contacts.some(({ contacts }) => contacts.length)) this.view3d.append(this.contactLegend());
     if (this.models[0].hasHidden) this.setSeeThrough(true);
     this.listen();
     this.setTheme();
@@ -115,7 +118,7 @@ export class Viewer {
   draw() {
     const { time } = this.player;
     const before = this.followed === null ? null : this.centreOf(this.followed);
-    for (const part of [...this.models, ...this.arrows, ...this.traces]) part.show(time);
+    for (const part of [...this.models, ...this.arrows, ...this.contacts, ...this.traces]) part.show(time);
     if (before) this.stage.shift(this.centreOf(this.followed).sub(before));
     for (const model of this.models) model.showDots(this.stage.camera);
     this.stage.render();
@@ -208,6 +211,24 @@ export class Viewer {
     return this.arrows.some((arrows) => !arrows.isEmpty);
   }
 
+  get hasContacts() {
+    return this.contacts.some((contacts) => !contacts.isEmpty);
+  }
+
+  // The colours of contacts, of those states that occur.
+  contactLegend() {
+    const states = new Set(this.contacts.flatMap((contacts) => [...contacts.states]));
+    const legend = make("div", { class: "contact-legend" });
+    CONTACT_STATES.forEach(([name, colour], state) => {
+      if (!states.has(state)) return;
+      const dot = make("i");
+      dot.style.background = colour;
+      legend.append(make("span", {}, dot, name));
+    });
+    this.onUpdate(() => (legend.hidden = !this.isOn("contacts")));
+    return legend;
+  }
+
   // Names of what can be switched, with its text and key.
   switches() {
     const scene = this.models[0].scene;
@@ -216,6 +237,7 @@ export class Viewer {
       ["axes", "Axes", "A"],
       this.player.end > 0 ? ["traces", "Paths", "T"] : null,
       this.hasArrows ? ["arrows", "Forces", "R"] : null,
+      this.hasContacts ? ["contacts", "Contacts", "C"] : null,
       scene.joints.length ? ["joints", "Joints", "J"] : null,
       scene.springs.length ? ["springs", "Springs", "S"] : null,
       ["through", "See through", "X"],
@@ -234,6 +256,8 @@ export class Viewer {
         return model.scene.bodies.some((_, body) => this.hasTrace(body));
       case "arrows":
         return this.arrows[0].root.visible;
+      case "contacts":
+        return this.contacts[0].root.visible;
       case "through":
         return Boolean(this.isSeeThrough);
       case "floor":
@@ -250,6 +274,7 @@ export class Viewer {
     else if (key === "axes") this.setAxes(isOn);
     else if (key === "traces") this.models[0].scene.bodies.forEach((of, body) => this.hasPath(of, body) && this.setTrace(body, isOn));
     else if (key === "arrows") for (const arrows of this.arrows) arrows.root.visible = isOn;
+    else if (key === "contacts") for (const contacts of this.contacts) contacts.root.visible = isOn;
     else if (key === "through") this.setSeeThrough(isOn);
     else if (key === "floor") this.stage.floor.visible = isOn;
     else for (const model of this.models) model.parts[key].visible = isOn;
