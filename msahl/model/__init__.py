@@ -9,10 +9,12 @@ from msahl.model.contacts import (
     ContactSide,
     DistanceLimit,
     JointLimit,
+    PinContact,
     PlaneContact,
     SphereContact,
 )
 from msahl.model.couplings import Coupling
+from msahl.model.curves import Curve, CurvePart
 from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -73,6 +75,7 @@ __all__ = [
     "MarkerDistance",
     "Model",
     "Options",
+    "PinContact",
     "PlaneContact",
     "PointLoad",
     "PointMotion",
