@@ -42,7 +42,11 @@ def ellipse(a, b, count=40):
 SQUARE = Curve((1.0, -1.0), (line(1.0, 1.0), line(-1.0, 1.0), line(-1.0, -1.0)), closed=True)
 ROUNDED = Curve(
     (0.0, 0.0),
-    (line(-1.0, 0.0), arc((-2.0, -1.0), (-1.0, -2.0)), CurvePart("spline", ((1.0, -2.5), (2.0, -2.0)))),
+    (
+        line(-1.0, 0.0),
+        arc((-2.0, -1.0), (-1.0, -2.0)),
+        CurvePart("spline", ((1.0, -2.5), (2.0, -2.0))),
+    ),
 )
 CURVES = {"circle": circle(0.8), "square": SQUARE, "ellipse": ellipse(1.5, 0.7), "mixed": ROUNDED}
 every_curve = pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
@@ -76,7 +80,9 @@ def test_segments_are_what_the_parts_say():
     assert kinds[-1] == LINE
     assert set(kinds[3:-1]) == {PIECE}
     assert corners(segments_of(ROUNDED), False) == []
-    assert [angle for _, angle in corners(segments_of(SQUARE), True)] == pytest.approx([math.pi / 2] * 4)
+    assert [angle for _, angle in corners(segments_of(SQUARE), True)] == pytest.approx(
+        [math.pi / 2] * 4
+    )
     assert [s.kind for s in segments_of(circle(1.0))] == [ARC, ARC]
 
 
@@ -99,7 +105,9 @@ def test_distances_are_those_of_plane_geometry():
     assert not found[~at_corner, 3].any()
     assert feet(SQUARE, [(0.9, 0.2), (-0.5, -0.7)])[:, 0] == pytest.approx([-0.1, -0.3])
     wall = Curve((0.0, 0.0), (line(-1.0, 0.0),))
-    assert feet(wall, [(0.5, 2.0), (7.0, 3.0), (-9.0, -4.0)])[:, 0] == pytest.approx([2.0, 3.0, -4.0])
+    assert feet(wall, [(0.5, 2.0), (7.0, 3.0), (-9.0, -4.0)])[:, 0] == pytest.approx(
+        [2.0, 3.0, -4.0]
+    )
 
 
 def test_a_spline_is_as_near_as_its_points_are_dense():
@@ -210,6 +218,32 @@ def test_second_derivative_is_that_along_a_motion_without_accelerations(curve):
         # Near a corner the third derivatives are large, by which the difference is in error.
         by_difference = (ends[0][i] - ends[1][i]) / (2.0 * E)
         assert second == pytest.approx(by_difference, abs=1e-8, rel=1e-7)
+
+
+DROP = Curve((2.0, 0.0), (arc((-1.0, 1.0), (-1.0, -1.0)),), closed=True)
+AROUND = {
+    "circle": (circle(0.8), 2, 0),
+    "square": (SQUARE, 8, 0),
+    "odd spline": (ellipse(1.5, 0.7, 41), 41, 1),
+    "even spline": (ellipse(1.5, 0.7, 40), 40, 0),
+    "corners": (DROP, 4, 0),
+}
+
+
+@pytest.mark.parametrize("case", AROUND)
+def test_kinks_are_where_stretches_end_and_nowhere_else(case):
+    """All around a curve, at some distance from it."""
+    curve, stretches, more = AROUND[case]
+    group, count = curves_of([curve]), 4000
+    angle = 2.0 * math.pi * np.arange(count + 1) / count
+    path = np.stack([4.0 * np.cos(angle), 3.0 * np.sin(angle)], axis=1)
+    value = np.array([curves.kink(group, 0, *map(float, point)) for point in path])
+    assert np.abs(np.diff(value)).max() < 0.05
+    signs = np.sign(value[value != 0.0])
+    assert (signs[1:] != signs[:-1]).sum() + (signs[0] != signs[-1]) in (
+        stretches + more,
+        stretches + more + 1,  # the path begins at one
+    )
 
 
 def test_a_slip_is_that_of_the_material_points():

@@ -19,6 +19,10 @@ with the foot p and the curvature kappa of the curve there, positive where it is
 so w . dm is the change. Source of the latter: Gonzalez, Time integration and discrete Hamiltonian
 systems, J. Nonlinear Sci. 6 (1996).
 
+The second derivative jumps where the foot passes from one stretch to the next: a stretch is a line,
+an arc, all pieces of one polynomial or a corner. A kink is a function that is continuous along the
+curve and zero there: the way to the nearest end of the stretch, with signs that alternate.
+
 A segment is, by its numbers,
 
     LINE    p, t, low, high      p + u t, u from low to high: infinite where an open curve ends
@@ -45,8 +49,9 @@ ITERATIONS = 60
 
 Foot = tuple[float, float, float, float]
 """d, n_1, n_2 and k."""
-Place = tuple[float, float, float, float, float, float]
-"""Foot p_1, p_2, tangent t_1, t_2, curvature, and 1 if it is an end of the segment or else 0."""
+Place = tuple[float, float, float, float, float, float, float]
+"""Foot p_1, p_2, tangent t_1, t_2, curvature; 0, or -1 or 1 if it is the start or the end of the
+segment and the point is past it; and how far along the segment it is: u, or the angle from e."""
 
 
 class Curves(NamedTuple):
@@ -57,6 +62,9 @@ class Curves(NamedTuple):
     numbers: np.ndarray  # (s, 9) see above
     middle: np.ndarray  # (s, 2) of a circle around the segment
     reach: np.ndarray  # (s,) its radius [m]
+    beside: np.ndarray  # (s, 2) what of its stretch is before a piece and after it, in u
+    turn: np.ndarray  # (s, 2) angles of the corners at its start and end [rad]; 0 if it is smooth
+    sign: np.ndarray  # (s,) of the kink; twice that where one is in the middle of the stretch
 
 
 def subset(group: Curves | None, used: np.ndarray) -> Curves | None:
@@ -77,10 +85,10 @@ def _on_line(numbers: np.ndarray, s: int, x: float, y: float) -> Place:
     u, end = t * (x - p) + v * (y - q), 0.0
     near = BEYOND * abs(v * (x - p) - t * (y - q))
     if u < numbers[s, 4]:
-        end, u = 1.0 if u < numbers[s, 4] - near else 0.0, numbers[s, 4]
+        end, u = -1.0 if u < numbers[s, 4] - near else 0.0, numbers[s, 4]
     elif u > numbers[s, 5]:
         end, u = 1.0 if u > numbers[s, 5] + near else 0.0, numbers[s, 5]
-    return p + u * t, q + u * v, t, v, 0.0, end
+    return p + u * t, q + u * v, t, v, 0.0, end, u
 
 
 @kernel
@@ -91,12 +99,13 @@ def _on_arc(numbers: np.ndarray, s: int, x: float, y: float) -> Place:
     length, end = math.hypot(X, Y), 0.0
     angle = math.atan2(e * Y - f * X, e * X + f * Y) if length > 0.0 else 0.0
     if length == 0.0 or abs(angle) > half:
-        end = 1.0 if abs(angle) > half + BEYOND else 0.0
+        end = math.copysign(sign, angle * sign) if abs(angle) > half + BEYOND else 0.0
         angle = min(max(angle, -half), half)
         c, d = math.cos(angle), math.sin(angle)
         X, Y, length = e * c - f * d, f * c + e * d, 1.0
     X, Y = X / length, Y / length
-    return numbers[s, 0] + R * X, numbers[s, 1] + R * Y, -sign * Y, sign * X, sign / R, end
+    p, q = numbers[s, 0] + R * X, numbers[s, 1] + R * Y
+    return p, q, -sign * Y, sign * X, sign / R, end, angle
 
 
 @kernel
@@ -113,44 +122,47 @@ def _along_piece(
 
 
 @kernel
+def _foot_of_piece(
+    numbers: np.ndarray, s: int, ends: tuple[float, float], x: float, y: float
+) -> float:
+    """Return u where (p - (x, y)) . p', less and greater than zero at the ``ends``, is zero: by
+    Newton's method, kept between those.
+    """
+    low, high, u = 0.0, numbers[s, 8], numbers[s, 8] * ends[0] / (ends[0] - ends[1])
+    for _ in range(ITERATIONS):
+        found = _along_piece(numbers, s, u, x, y)
+        if found[6] < 0.0:
+            low = u
+        else:
+            high = u
+        new = u - found[6] / found[7] if found[7] > 0.0 else low - 1.0
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - u) <= ROUND_OFF * numbers[s, 8]:
+            return new
+        u = new
+    return u
+
+
+@kernel
 def _on_piece(numbers: np.ndarray, s: int, x: float, y: float) -> Place:
-    """The foot is where (p - (x, y)) . p' is zero: Newton's method, kept between two ends."""
-    low, high, end = 0.0, numbers[s, 8], 0.0
-    at_low = _along_piece(numbers, s, low, x, y)[6]
-    at_high = _along_piece(numbers, s, high, x, y)[6]
-    u = low
-    if at_low < 0.0 < at_high:
-        u = low - at_low * (high - low) / (at_high - at_low)
-        for _ in range(ITERATIONS):
-            found = _along_piece(numbers, s, u, x, y)
-            if found[6] < 0.0:
-                low = u
-            else:
-                high = u
-            new = u - found[6] / found[7] if found[7] > 0.0 else low - 1.0
-            if not low <= new <= high:
-                new = 0.5 * (low + high)
-            done = abs(new - u) <= ROUND_OFF * numbers[s, 8]
-            u = new
-            if done:
-                break
+    h, end = numbers[s, 8], 0.0
+    first, last = _along_piece(numbers, s, 0.0, x, y), _along_piece(numbers, s, h, x, y)
+    if first[6] < 0.0 < last[6]:
+        u = _foot_of_piece(numbers, s, (first[6], last[6]), x, y)
     else:
-        # Where both ends are the nearest of their surroundings, other segments are nearer.
-        u = low if at_low >= 0.0 else high
-        if at_low >= 0.0 and at_high <= 0.0:
-            first, last = (
-                _along_piece(numbers, s, low, x, y),
-                _along_piece(numbers, s, high, x, y),
-            )
-            if math.hypot(last[0], last[1]) < math.hypot(first[0], first[1]):
-                u = high
-        there = _along_piece(numbers, s, u, x, y)
+        # One end is the nearest place, or both are nearer than what is between.
+        at_start = first[6] >= 0.0
+        if at_start and last[6] <= 0.0:
+            at_start = math.hypot(first[0], first[1]) <= math.hypot(last[0], last[1])
+        u, there = (0.0, first) if at_start else (h, last)
         past = abs(there[6]) / math.hypot(there[2], there[3])
-        end = 1.0 if past > BEYOND * math.hypot(there[0], there[1]) else 0.0
+        if past > BEYOND * math.hypot(there[0], there[1]):
+            end = -1.0 if at_start else 1.0
     X, Y, X1, Y1, X2, Y2, _, _ = _along_piece(numbers, s, u, x, y)
     speed = math.hypot(X1, Y1)
     kappa = (X1 * Y2 - Y1 * X2) / speed**3
-    return x + X, y + Y, X1 / speed, Y1 / speed, kappa, end
+    return x + X, y + Y, X1 / speed, Y1 / speed, kappa, end, u
 
 
 @apart
@@ -164,24 +176,58 @@ def place(group: Curves, s: int, x: float, y: float) -> Place:
 
 
 @apart
-def foot(group: Curves, q: int, x: float, y: float) -> Foot:
-    """Return distance, normal and curvature of the lines of equal distance at a point."""
-    nearest, found = math.inf, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+def nearest(group: Curves, q: int, x: float, y: float) -> tuple[int, float, Place]:
+    """Return the segment of the curve of coordinate ``q`` that is nearest to a point, its distance
+    and the place there.
+    """
+    least, which, found = math.inf, -1, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
     for s in range(group.first[q], group.first[q + 1]):
         away = math.hypot(x - group.middle[s, 0], y - group.middle[s, 1]) - group.reach[s]
-        if away > nearest:
+        if away > least:
             continue
         other = place(group, s, x, y)
         distance = math.hypot(x - other[0], y - other[1])
         # At a smooth joint of two segments both have the foot, one of them maybe past its end.
-        if distance < nearest or (distance == nearest and other[5] < found[5]):
-            nearest, found = distance, other
-    p, v, t_1, t_2, kappa, end = found
-    X, Y = x - p, y - v
-    d, n_1, n_2 = X * t_2 - Y * t_1, t_2, -t_1
-    if end != 0.0 and nearest > 0.0:
-        return nearest, X / nearest, Y / nearest, 1.0 / nearest
-    return d, n_1, n_2, kappa / (1.0 + kappa * d)
+        if distance < least or (distance == least and abs(other[5]) < abs(found[5])):
+            least, which, found = distance, s, other
+    return which, least, found
+
+
+@kernel
+def foot(group: Curves, q: int, x: float, y: float) -> Foot:
+    """Return distance, normal and curvature of the lines of equal distance at a point."""
+    _, distance, found = nearest(group, q, x, y)
+    X, Y, kappa = x - found[0], y - found[1], found[4]
+    if found[5] != 0.0 and distance > 0.0:
+        return distance, X / distance, Y / distance, 1.0 / distance
+    d = X * found[3] - Y * found[2]
+    return d, found[3], -found[2], kappa / (1.0 + kappa * d)
+
+
+@optional(0.0)
+def kink(group: Curves, q: int, x: float, y: float) -> float:
+    """Return the kink of coordinate ``q`` at a point [m or rad]."""
+    s, _, found = nearest(group, q, x, y)
+    sign, u = group.sign[s], found[6]
+    if found[5] != 0.0:
+        X, Y, t, v = x - found[0], y - found[1], found[2], found[3]
+        angle = abs(math.atan2(X * t + Y * v, X * v - Y * t))
+        turn = group.turn[s, 0 if found[5] < 0.0 else 1]
+        if found[5] > 0.0 and abs(sign) == 2.0:
+            sign = -sign
+        return -math.copysign(min(angle, turn - angle), sign)
+    if group.kind[s] == LINE:
+        before, after = u - group.numbers[s, 4], group.numbers[s, 5] - u
+    elif group.kind[s] == ARC:
+        R, half = group.numbers[s, 4], group.numbers[s, 5]
+        along = group.numbers[s, 6] * u
+        before, after = R * (half + along), R * (half - along)
+    else:
+        before, after = group.beside[s, 0] + u, group.beside[s, 1] + group.numbers[s, 8] - u
+    if abs(sign) < 2.0:
+        return sign * min(before, after)
+    middle = 0.5 * (after - before)
+    return 0.5 * sign * (min(before, middle) if before < after else -min(after, -middle))
 
 
 @optional(0.0)

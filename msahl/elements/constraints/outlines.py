@@ -32,7 +32,8 @@ class NoCurve(ValueError):
 class Segment:
     """A segment with its ``numbers``, as in ``elements.constraints.curves``, in a circle about
     ``middle`` of the radius ``reach`` [m], both ends and the directions there. ``hollow`` is its
-    smallest radius of curvature on the side that is free [m]."""
+    smallest radius of curvature on the side that is free [m]; ``beside`` what of its polynomial is
+    before it and after it."""
 
     kind: int
     numbers: tuple[float, ...]
@@ -41,6 +42,7 @@ class Segment:
     ends: tuple[Point, Point]
     directions: tuple[Point, Point]
     hollow: float = math.inf
+    beside: tuple[float, float] = (0.0, 0.0)
 
 
 def curves_of(found: Sequence[Curve | None]) -> Curves | None:
@@ -51,13 +53,49 @@ def curves_of(found: Sequence[Curve | None]) -> Curves | None:
         return None
     segments = [[] if curve is None else segments_of(curve) for curve in found]
     every = [segment for own in segments for segment in own]
+    kinks = [
+        _kinks(own, curve.closed)
+        for own, curve in zip(segments, found, strict=True)
+        if curve is not None
+    ]
     return Curves(
         first=np.concatenate([[0], np.cumsum([len(own) for own in segments])]).astype(np.int64),
         kind=np.array([segment.kind for segment in every]),
         numbers=np.array([segment.numbers for segment in every]),
         middle=np.array([segment.middle for segment in every]),
         reach=np.array([segment.reach for segment in every]),
+        beside=np.array([segment.beside for segment in every]),
+        turn=np.concatenate([turns for turns, _ in kinks]),
+        sign=np.concatenate([sign for _, sign in kinks]),
     )
+
+
+def _kinks(segments: list[Segment], closed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles of the corners at both ends (s, 2) and the signs of kinks (s,), which change
+    from stretch to stretch: from a line or arc to a corner and to the next one, so twice.
+    """
+    count = len(segments)
+    turns, sign = np.zeros((count, 2)), np.ones(count)
+    for k in range(count if closed else count - 1):
+        one, other = segments[k], segments[(k + 1) % count]
+        angle = _turn(one, other)
+        if abs(angle) > SMOOTH:
+            turns[k, 1] = turns[(k + 1) % count, 0] = angle
+        changes = abs(angle) <= SMOOTH and one.beside[1] == 0.0
+        if k + 1 < count:
+            sign[k + 1] = -sign[k] if changes else sign[k]
+        elif (sign[k] != sign[0]) != changes:
+            # An odd number of changes: one more, in the middle of the first stretch.
+            own = 1 + next((i for i, segment in enumerate(segments) if segment.beside[1] == 0.0), 0)
+            sign[own:] *= -1.0
+            sign[:own] *= 2.0
+    return turns, sign
+
+
+def _turn(one: Segment, other: Segment) -> float:
+    """Return the angle by which a curve turns from one segment to the next [rad]."""
+    (a, b), (c, d) = one.directions[1], other.directions[0]
+    return math.atan2(a * d - b * c, a * c + b * d)
 
 
 def segments_of(curve: Curve) -> list[Segment]:
@@ -82,7 +120,9 @@ def _parts(curve: Curve, parts: list[CurvePart]) -> list[Segment]:
     """Return the segments of all parts; splines are last, as they take the directions beside."""
     starts = [curve.start, *(part.points[-1] for part in parts)]
     found: list[list[Segment]] = [
-        [] if part.kind == SPLINE else [_line(here, part) if part.kind == STRAIGHT else _arc(here, part)]
+        []
+        if part.kind == SPLINE
+        else [_line(here, part) if part.kind == STRAIGHT else _arc(here, part)]
         for part, here in zip(parts, starts, strict=False)
     ]
     for k, part in enumerate(parts):
@@ -91,7 +131,10 @@ def _parts(curve: Curve, parts: list[CurvePart]) -> list[Segment]:
         before, after = found[k - 1] if k or curve.closed else [], found[(k + 1) % len(parts)]
         if k + 1 == len(parts) and not curve.closed:
             after = []
-        tangents = (before[-1].directions[1] if before else None, after[0].directions[0] if after else None)
+        tangents = (
+            before[-1].directions[1] if before else None,
+            after[0].directions[0] if after else None,
+        )
         found[k] = _spline((starts[k], *part.points), tangents, _is_ring(curve))
     return [segment for own in found for segment in own]
 
@@ -103,8 +146,7 @@ def corners(segments: list[Segment], closed: bool) -> list[tuple[Point, float]]:
     pairs = [*pairwise(segments), *([(segments[-1], segments[0])] if closed else [])]
     found = []
     for one, other in pairs:
-        (a, b), (c, d) = one.directions[1], other.directions[0]
-        angle = math.atan2(a * d - b * c, a * c + b * d)
+        angle = _turn(one, other)
         if abs(angle) > SMOOTH:
             found.append((other.ends[0], angle))
     return found
@@ -174,10 +216,10 @@ def _pieces(c: np.ndarray, h: float) -> list[Segment]:
         raise NoCurve("the spline has a cusp; give its points closer together there")
     turn = float(np.abs(np.diff(np.unwrap(np.arctan2(d[:, 1], d[:, 0])))).sum())
     cuts = np.linspace(0.0, h, 1 + max(1, math.ceil(turn / TURN)))
-    return [_piece(c, float(a), float(b - a)) for a, b in pairwise(cuts)]
+    return [_piece(c, float(a), float(b - a), float(h - b)) for a, b in pairwise(cuts)]
 
 
-def _piece(c: np.ndarray, a: float, h: float) -> Segment:
+def _piece(c: np.ndarray, a: float, h: float, rest: float) -> Segment:
     own = np.array(
         [
             c[0] + a * (c[1] + a * (c[2] + a * c[3])),
@@ -198,7 +240,7 @@ def _piece(c: np.ndarray, a: float, h: float) -> Segment:
     ends, directions = ((_pair(v[0]), _pair(v[-1])) for v in (p, t))
     hollow = -1.0 / float(kappa.min()) if kappa.min() < 0.0 else math.inf
     numbers = (*map(float, own.reshape(-1)), h)
-    return Segment(PIECE, numbers, _pair(middle), reach, ends, directions, hollow)
+    return Segment(PIECE, numbers, _pair(middle), reach, ends, directions, hollow, (a, rest))
 
 
 def outline(segments: list[Segment]) -> list[Point]:
