@@ -191,8 +191,8 @@ def _pin_contact(
     if reader.is_known(ends.parent) and reader.is_known(ends.child):
         reference = rotated(axes[0], ends.parent, ends.child)
     points = (ends.parent, ends.child, ends.parent_point, ends.child_point)
-    given = (read_curve(element, reader), radius, *law, *friction)
-    return PinContact(text(element.find("name")), *points, *given, axes, reference)
+    name, curve = text(element.find("name")), read_curve(element, reader)
+    return PinContact(name, *points, curve, radius, *law, *friction, axes, reference)
 
 
 def _rim_axis(element: Element, ends: Ends, reader: Reader) -> Vector | None:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, scale
 from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
-from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
 from msahl.elements.constraints.curves import CURVE, CURVE_SLIP
+from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
 from msahl.model.curves import Curve
 from msahl.model.joints import Joint
 from msahl.records import record
@@ -224,7 +224,7 @@ def curve_slip(axes: Matrix, curve: Curve, radius: float, reference: Vector) -> 
     parent in the plane of the first two ``axes``; ``reference`` is a direction of the child in it.
     """
     x, y, _ = axes
-    products = (Product(SLIDE, x), Product(SLIDE, y))
+    products: tuple[Product, ...] = (Product(SLIDE, x), Product(SLIDE, y))
     if radius > 0.0:
         products += (Product(DOT, y, e=reference), Product(DOT, x, e=reference))
     return Equation(Coordinate(CURVE_SLIP, products, radius=radius, curve=curve), rate=True)

@@ -56,6 +56,8 @@ __all__ = [
     "ConcentratedLoad",
     "ContactSide",
     "Coupling",
+    "Curve",
+    "CurvePart",
     "DistanceLimit",
     "Event",
     "Ground",

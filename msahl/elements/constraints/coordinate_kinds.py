@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements.constraints import curves
-from msahl.elements.constraints.curves import CURVE, CURVE_SLIP, Curves
+from msahl.elements.constraints.curves import CURVE, Curves
 from msahl.elements.constraints.products import SLIDE, Products, ProductsWorkspace
 from msahl.jit.kernel import apart, kernel, optional
 
@@ -144,10 +144,10 @@ def weigh(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
         _weigh_angle(group, start, q)
     elif kind == ROUND:
         _weigh_round(group, start, q)
-    elif kind == CURVE or kind == CURVE_SLIP:
-        weigh_along_curve(group.curves, group, start, q)
-    else:
+    elif kind == SKEW:
         _weigh_skew(group, start, q)
+    else:
+        weigh_along_curve(group.curves, group, start, q)
 
 
 @optional()

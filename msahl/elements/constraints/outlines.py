@@ -1,9 +1,9 @@
 """Segments of planar curves: lines, arcs and the polynomials of splines, as kernels take them.
 
-A spline is cubic over the length of its polygon. It has the direction of a line or an arc beside it,
-the same one at both ends if it is a closed curve by itself, and else no jump of the third derivative
-at its last points but one. Its polynomials are cut where they turn by more than ``TURN``, so that
-each has one nearest place to any point within its radius of curvature.
+A spline is cubic over the length of its polygon. It has the direction of a line or an arc beside
+it, the same one at both ends if it is a closed curve by itself, and else no jump of the third
+derivative at its last points but one. Its polynomials are cut where they turn by more than
+``TURN``, so that each has one nearest place to any point within its radius of curvature.
 """
 
 import math
@@ -24,7 +24,7 @@ STRAIGHTEST = 1e-12
 """Distance of the middle of an arc from its chord, over the chord, of a line."""
 
 
-class NoCurve(ValueError):
+class NoCurve(ValueError):  # noqa: N818 - an outcome
     """Why numbers make no curve; the argument is a sentence."""
 
 
@@ -71,8 +71,8 @@ def curves_of(found: Sequence[Curve | None]) -> Curves | None:
 
 
 def _kinks(segments: list[Segment], closed: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angles of the corners at both ends (s, 2) and the signs of kinks (s,), which change
-    from stretch to stretch: from a line or arc to a corner and to the next one, so twice.
+    """Return the angles of the corners at both ends (s, 2) and the signs of kinks (s,), which
+    change from stretch to stretch: from a line or arc to a corner and to the next one, so twice.
     """
     count = len(segments)
     turns, sign = np.zeros((count, 2)), np.ones(count)
