@@ -194,11 +194,22 @@ def nearest(group: Curves, q: int, x: float, y: float) -> tuple[int, float, Plac
 
 
 @kernel
+def corner_at(group: Curves, s: int, end: float) -> float:
+    """Return the angle of the corner at an end -1 or 1 of a segment [rad], 0 where it is smooth or
+    for 0.
+    """
+    if end == 0.0:
+        return 0.0
+    angle: float = group.turn[s, 0 if end < 0.0 else 1]
+    return angle
+
+
+@kernel
 def foot(group: Curves, q: int, x: float, y: float) -> Foot:
     """Return distance, normal and curvature of the lines of equal distance at a point."""
-    _, distance, found = nearest(group, q, x, y)
+    s, distance, found = nearest(group, q, x, y)
     X, Y, kappa = x - found[0], y - found[1], found[4]
-    if found[5] != 0.0 and distance > 0.0:
+    if corner_at(group, s, found[5]) != 0.0 and distance > 0.0:
         return distance, X / distance, Y / distance, 1.0 / distance
     d = X * found[3] - Y * found[2]
     return d, found[3], -found[2], kappa / (1.0 + kappa * d)
@@ -208,11 +219,10 @@ def foot(group: Curves, q: int, x: float, y: float) -> Foot:
 def kink(group: Curves, q: int, x: float, y: float) -> float:
     """Return the kink of coordinate ``q`` at a point [m or rad]."""
     s, _, found = nearest(group, q, x, y)
-    sign, u = group.sign[s], found[6]
-    if found[5] != 0.0:
+    sign, u, turn = group.sign[s], found[6], corner_at(group, s, found[5])
+    if turn != 0.0:
         X, Y, t, v = x - found[0], y - found[1], found[2], found[3]
         angle = abs(math.atan2(X * t + Y * v, X * v - Y * t))
-        turn = group.turn[s, 0 if found[5] < 0.0 else 1]
         if found[5] > 0.0 and abs(sign) == 2.0:
             sign = -sign
         return -math.copysign(min(angle, turn - angle), sign)
