@@ -9,6 +9,8 @@ from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
 from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
+from msahl.elements.constraints import curves
+from msahl.elements.constraints.outlines import NoCurve, corners, curves_of, segments_of
 from msahl.laws.restitution import LEAST_RESTITUTION
 from msahl.model.contacts import (
     BoxContact,
@@ -17,6 +19,7 @@ from msahl.model.contacts import (
     ContactSide,
     DistanceLimit,
     JointLimit,
+    PinContact,
     PlaneContact,
     SphereContact,
     friction_of,
@@ -56,6 +59,9 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         yield from _friction_findings(contact)
     elif isinstance(contact, BoxContact):
         yield from _box_findings(contact)
+    elif isinstance(contact, PinContact):
+        yield from _pin_findings(contact)
+        yield from _friction_findings(contact)
     else:
         yield from _range_findings(contact)
 
@@ -86,6 +92,34 @@ def _box_findings(contact: BoxContact) -> Iterator[Finding]:
             "it is zero, as parentRadius is: a point on a box with sharp edges has no direction "
         )
         yield Finding("radius", f"{message}of contact there; give one of them")
+
+
+def _pin_findings(contact: PinContact) -> Iterator[Finding]:
+    """Find curves that are none, and those that the pin touches at two places at once."""
+    yield from negative("radius", contact.radius)
+    try:
+        segments = segments_of(contact.curve)
+    except NoCurve as error:
+        yield Finding("curve", str(error))
+        return
+    for (x, y), angle in corners(segments, contact.curve.closed):
+        place = f"the corner at ({x:.7g}, {y:.7g}) m"
+        if angle < 0.0:
+            message = (
+                f"{place} is hollow, where the pin touches both sides at once; round it by an arc "
+                "of more than its radius, or give the sides as curves of two contacts"
+            )
+            yield Finding("curve", message)
+        elif contact.radius == 0.0:
+            message = f"{place} has no direction for a point; give a radius, or round it by an arc"
+            yield Finding("curve", message)
+    hollow = min(segment.hollow for segment in segments)
+    if hollow <= contact.radius * (1.0 + OVERLAP):
+        message = (
+            f"it is {contact.radius:g} m and does not fit the hollow of radius {hollow:.4g} m of "
+            "the curve; give a smaller one, or a rounder curve"
+        )
+        yield Finding("radius", message)
 
 
 def _radius_findings(contact: SphereContact) -> Iterator[Finding]:
@@ -126,7 +160,7 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
         yield Finding("restitution", message)
 
 
-def _friction_findings(contact: PlaneContact | SphereContact) -> Iterator[Finding]:
+def _friction_findings(contact: PlaneContact | SphereContact | PinContact) -> Iterator[Finding]:
     yield from negative("friction", contact.friction)
     friction, grip = friction_of(contact)
     if grip < friction:
@@ -137,7 +171,7 @@ def _friction_findings(contact: PlaneContact | SphereContact) -> Iterator[Findin
 
 
 def _compliant_friction_findings(
-    contact: PlaneContact | SphereContact, width: float | None
+    contact: PlaneContact | SphereContact | PinContact, width: float | None
 ) -> Iterator[Finding]:
     if width is not None and not width > 0.0:
         yield Finding("frictionWidth", f"it is {width:g}; it must be greater than zero")
@@ -183,6 +217,13 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
             if math.hypot(*cross(axis, normal)) < PARALLEL:
                 yield Finding("axis", _FLAT)
                 return
+    elif isinstance(contact, PinContact):
+        try:
+            curve = curves_of([contact.curve])
+        except NoCurve:
+            return
+        x, y = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes[:2])
+        value = curves.value(curve, 0, x, y)
     else:
         if isinstance(contact, SphereContact) and contact.axis is not None:
             axis = context.rotated(contact.axis, contact.parent, INERTIAL)
@@ -207,7 +248,7 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
 def _overlap(side: ContactSide, depth: float) -> str:
     if isinstance(side.contact, PlaneContact):
         return f"it is {depth:.4g} m below the plane at t = 0; move one of the bodies apart"
-    if isinstance(side.contact, SphereContact | BoxContact):
+    if isinstance(side.contact, SphereContact | BoxContact | PinContact):
         return f"it overlaps by {depth:.4g} m at t = 0; move one of the bodies, or change a radius"
     end, way = ("lower", "below") if side.is_lower else ("upper", "above")
     return (

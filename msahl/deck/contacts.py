@@ -5,14 +5,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
-from msahl.algebra.vector import Vector, add, axpy
+from msahl.algebra.vector import IDENTITY, Vector, add, axpy
 from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
-from msahl.check.directions import frame
+from msahl.check.directions import PARALLEL, frame, sine
 from msahl.check.ends import is_placed as is_placed_as
 from msahl.check.loads import UNIT_LENGTH
 from msahl.deck.contact_sets import CONTACT_SET, Touch, pairs_of
-from msahl.deck.ends import Ends, is_placed, read_ends, side_direction
+from msahl.deck.curves import read_curve
+from msahl.deck.ends import REFERENCE_PARALLEL, Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
 from msahl.deck.motions import UNIT
 from msahl.deck.springs import QUANTITIES
@@ -25,6 +26,7 @@ from msahl.model.contacts import (
     Contact,
     DistanceLimit,
     JointLimit,
+    PinContact,
     PlaneContact,
     SphereContact,
 )
@@ -36,7 +38,7 @@ LOAD = {"angle": "moment", "slide": "force"}
 """Physical quantities along each coordinate."""
 CONTACTS = (
     *("jointLimit", "distanceLimit", "planeContact"),
-    *("sphereContact", "cylinderContact", "boxContact"),
+    *("sphereContact", "cylinderContact", "boxContact", "pinContact"),
 )
 """Tags of contacts."""
 
@@ -149,6 +151,8 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
         normal = _parents_direction(element, "normal", ends, reader)
         axis = _rim_axis(element, ends, reader)
         return PlaneContact(name, *points, normal, radius, *law, *friction, axis)
+    if element.tag == "pinContact":
+        return _pin_contact(element, ends, radius, law, friction, reader)
     parent_radius = reader.number(element.find("parentRadius"), "length")
     if (box := element.find("box")) is not None:
         x, y, z = (0.5 * size for size in _sizes(box, reader))
@@ -161,6 +165,34 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
             half = (0.0, 0.0, 0.5 * reader.number(length, "length"))
             return BoxContact(name, *points, half, parent_radius, radius, *law, frame(axis))
     return SphereContact(name, *points, parent_radius, radius, axis, *law, *friction)
+
+
+def _pin_contact(
+    element: Element,
+    ends: Ends,
+    radius: float,
+    law: tuple[float, Compliance | None],
+    friction: tuple[float, float | None],
+    reader: Reader,
+) -> PinContact:
+    """Return the contact of a pin and a curve in the plane of the parent's frame, whose z is the
+    ``axis`` and whose x is the ``reference``.
+    """
+    axes, reference, rotated = IDENTITY, IDENTITY[0], reader.context.rotated
+    if reader.is_known(ends.parent):
+        z = side_direction(element, "parent", "axis", reader)
+        x = side_direction(element, "parent", "reference", reader)
+        axis = IDENTITY[2] if z is None else rotated(z, INERTIAL, ends.parent)
+        across = None if x is None else rotated(x, INERTIAL, ends.parent)
+        if across is not None and sine(axis, across) < PARALLEL:
+            reader.faults.add(element, REFERENCE_PARALLEL)
+            across = None
+        axes = frame(axis, across)
+    if reader.is_known(ends.parent) and reader.is_known(ends.child):
+        reference = rotated(axes[0], ends.parent, ends.child)
+    points = (ends.parent, ends.child, ends.parent_point, ends.child_point)
+    name, curve = text(element.find("name")), read_curve(element, reader)
+    return PinContact(name, *points, curve, radius, *law, *friction, axes, reference)
 
 
 def _rim_axis(element: Element, ends: Ends, reader: Reader) -> Vector | None:

@@ -32,6 +32,7 @@ from msahl.model import (
     JointMotion,
     JointSpring,
     MarkerActuator,
+    PinContact,
     PlaneContact,
     PointLoad,
     PointMotion,
@@ -39,6 +40,7 @@ from msahl.model import (
     SpringDamper,
 )
 from msahl.model.contacts import BetweenPoints, BoxContact, Contact
+from msahl.model.curves import STRAIGHT, Point
 
 Sides = tuple[Matrix, Matrix]
 
@@ -204,7 +206,31 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
     _contact_law(element, contact, "slide")
 
 
-def _friction(element: Element, contact: PlaneContact | SphereContact) -> None:
+def _pin_contact(group: Element, contact: PinContact, context: Context) -> None:
+    element = _named(group, "pinContact", contact.name)
+    parent, _ = _ends(element, contact, None)
+    vector(parent, "axis", contact.axes[2])
+    vector(parent, "reference", contact.axes[0])
+    curve, given = child(element, "curve"), contact.curve
+    if given.closed:
+        curve.set("closed", "true")
+    _point(curve, given.start)
+    for part in given.parts:
+        into = curve if part.kind == STRAIGHT else child(curve, part.kind)
+        for point in part.points:
+            _point(into, point)
+    number_unless(element, 0.0, "radius", contact.radius, "length")
+    _contact_law(element, contact, "slide")
+    _friction(element, contact)
+
+
+def _point(group: Element, point: Point) -> None:
+    element = child(group, "point")
+    for tag, value in zip(("x", "y"), point, strict=True):
+        number(element, tag, value, "length")
+
+
+def _friction(element: Element, contact: PlaneContact | SphereContact | PinContact) -> None:
     number_unless(element, 0.0, "friction", contact.friction)
     number(element, "staticFriction", contact.static_friction)
 
@@ -335,6 +361,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     PlaneContact: _plane_contact,
     SphereContact: _sphere_contact,
     BoxContact: _box_contact,
+    PinContact: _pin_contact,
     ConcentratedLoad: _concentrated,
     SpringDamper: _spring_damper,
     JointSpring: _joint_spring,

@@ -8,6 +8,7 @@ An event is that a scalar y of the motion reaches a level:
     FORCE        y is a multiplier, by its place                                  [N or N m]
     FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
     REACTING     y is an expression of joints' reactions at the same time, a place on the tape
+    KINK         y is the kink of a distance from a curve (``curves``)            [m or rad]
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -37,6 +38,7 @@ import numpy as np
 
 from msahl.algebra.functions import PIECES, Law, Laws, build_laws, joined, piece_of
 from msahl.elements.constraints import scalar
+from msahl.elements.constraints.curves import CURVE
 from msahl.elements.constraints.equations import is_active
 from msahl.events.expressions import (
     NO_TIMES,
@@ -54,7 +56,7 @@ from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
 from msahl.system.switches import FALLS, NEVER, Conditions
 
-EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION = range(6)
+EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION, KINK = range(7)
 END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
@@ -66,7 +68,7 @@ AT_ENDS = 1e-6
 steps do not end for what happens in so small a part at their ends."""
 
 
-KINK = Law("linear", (0.0, 0.0))
+AT_ZERO = Law("linear", (0.0, 0.0))
 """A table of one entry, at zero: a law with one break."""
 
 
@@ -150,8 +152,10 @@ def build_margins(
     found += _of_breakpoints(system) if order >= ENDS_AT_KINKS else ()
     laws = all_laws(signals, system.laws)
     kinks = [*_of_compliant_contacts(system, laws.kind.size)]
+    if order >= ENDS_AT_KINKS:
+        kinks += _of_curves(system, laws.kind.size, contacts)
     if kinks:
-        found, laws = [*found, *kinks], joined(laws, build_laws([KINK]))
+        found, laws = [*found, *kinks], joined(laws, build_laws([AT_ZERO]))
     if conditions is not None:
         found += _of_conditions(system, conditions)
     found += _of_contacts(system, contacts) if contacts is not None else ()
@@ -272,6 +276,18 @@ def _of_compliant_contacts(system: System, kink: int) -> Iterator[Margin]:
             yield Margin(RATE, coordinate, SPLIT, law=kink, origin=rate, near=NEAR)
 
 
+def _of_curves(system: System, kink: int, contacts: Contacts | None) -> Iterator[Margin]:
+    """Yield the margins of distances from curves, but for those of contacts that are open."""
+    if system.scalar is None or system.scalar.coordinates.curves is None:
+        return
+    rows, opened = system.scalar.equations, set()
+    if contacts is not None:
+        opened = {*rows.coordinate[contacts.row, 0][~is_active(rows)[contacts.row]].tolist()}
+    for q in np.flatnonzero(system.scalar.coordinates.kind == CURVE).tolist():
+        if q not in opened:
+            yield Margin(KINK, q, SPLIT, law=kink, near=NEAR)
+
+
 def laws_of_time(system: System) -> np.ndarray:
     """Return the (l,) piecewise laws of time: their breaks are known beforehand."""
     timed = set(forces.laws_of_time(system.forces))
@@ -306,6 +322,8 @@ def set_values(margins: Margins, system: System, start: SystemWorkspace, value: 
             value[k] = margins.coordinate[item]
         elif kind == RATE:
             value[k] = margins.rate[item]
+        elif kind == KINK:
+            value[k] = scalar.kink(system.scalar, start.scalar, item)
 
 
 @kernel

@@ -12,7 +12,9 @@ from typing import NamedTuple
 
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, scale
 from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.curves import CURVE, CURVE_SLIP
 from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
+from msahl.model.curves import Curve
 from msahl.model.joints import Joint
 from msahl.records import record
 
@@ -47,12 +49,16 @@ class Product:
 
 @record
 class Coordinate:
-    """A coordinate between parent and child, of some products; ``angular`` if it is in radians."""
+    """A coordinate between parent and child, of some products; ``angular`` if it is in radians.
+
+    ``curve`` is the one from which a distance, or along which a slip, is measured.
+    """
 
     kind: int
     products: tuple[Product, ...]
     angular: bool = False
     radius: float = 0.0
+    curve: Curve | None = None
 
 
 @record
@@ -204,6 +210,24 @@ def rim_height(normal: Vector, axis: Vector, radius: float) -> Coordinate:
     """
     products = (Product(SLIDE, normal), Product(DOT, normal, e=axis))
     return Coordinate(ROUND, products, radius=radius)
+
+
+def curve_distance(x: Vector, y: Vector, curve: Curve) -> Coordinate:
+    """Distance of the child's point from a ``curve`` of the parent about the parent's point, in the
+    plane of its perpendicular unit vectors ``x`` and ``y`` [m].
+    """
+    return Coordinate(CURVE, (Product(SLIDE, x), Product(SLIDE, y)), curve=curve)
+
+
+def curve_slip(axes: Matrix, curve: Curve, radius: float, reference: Vector) -> Equation:
+    """A pin of this ``radius`` about the child's point does not slip along a ``curve`` of the
+    parent in the plane of the first two ``axes``; ``reference`` is a direction of the child in it.
+    """
+    x, y, _ = axes
+    products: tuple[Product, ...] = (Product(SLIDE, x), Product(SLIDE, y))
+    if radius > 0.0:
+        products += (Product(DOT, y, e=reference), Product(DOT, x, e=reference))
+    return Equation(Coordinate(CURVE_SLIP, products, radius=radius, curve=curve), rate=True)
 
 
 def slip(direction: Vector, owner: str = PARENT) -> Equation:

@@ -9,10 +9,12 @@ from msahl.model.contacts import (
     ContactSide,
     DistanceLimit,
     JointLimit,
+    PinContact,
     PlaneContact,
     SphereContact,
 )
 from msahl.model.couplings import Coupling
+from msahl.model.curves import Curve, CurvePart
 from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -54,6 +56,8 @@ __all__ = [
     "ConcentratedLoad",
     "ContactSide",
     "Coupling",
+    "Curve",
+    "CurvePart",
     "DistanceLimit",
     "Event",
     "Ground",
@@ -73,6 +77,7 @@ __all__ = [
     "MarkerDistance",
     "Model",
     "Options",
+    "PinContact",
     "PlaneContact",
     "PointLoad",
     "PointMotion",

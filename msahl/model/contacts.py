@@ -12,6 +12,7 @@ pushes (``laws.contact``).
 from typing import TypeAlias
 
 from msahl.algebra.vector import IDENTITY, Matrix, Vector
+from msahl.model.curves import Curve
 from msahl.records import record
 
 POISSON, NEWTON, STRONGE = IMPACT_LAWS = ("poisson", "newton", "stronge")
@@ -122,7 +123,29 @@ class BoxContact:
     axes: Matrix = IDENTITY
 
 
-BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact | BoxContact
+@record
+class PinContact:
+    """A pin of the child about ``child_point``, or a point (``radius`` 0), is on the free side of a
+    planar ``curve`` of the parent about ``parent_point``, in the plane of the first two rows of
+    ``axes`` (parent's axes). ``reference`` is a unit vector of the child in that plane, in its
+    axes: the pin rotates about the plane's normal only. Points and friction as above."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    curve: Curve
+    radius: float = 0.0
+    restitution: float = 0.0
+    compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
+    axes: Matrix = IDENTITY
+    reference: Vector = IDENTITY[0]
+
+
+BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact | BoxContact | PinContact
 Contact: TypeAlias = JointLimit | BetweenPoints
 
 
@@ -152,6 +175,8 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     if isinstance(contact, BoxContact):
         limit = contact.parent_radius + contact.radius
         return (ContactSide(contact.name, contact, True, limit),)
+    if isinstance(contact, PinContact):
+        return (ContactSide(contact.name, contact, True, contact.radius),)
     given = [
         (lower, limit)
         for lower, limit in ((True, contact.lower), (False, contact.upper))

@@ -32,6 +32,8 @@ from msahl.joints.joint import (
     Y,
     Z,
     box_distance,
+    curve_distance,
+    curve_slip,
     distance,
     distance_across,
     in_plane,
@@ -54,6 +56,7 @@ from msahl.model.contacts import (
     Contact,
     ContactSide,
     JointLimit,
+    PinContact,
     PlaneContact,
     SphereContact,
     friction_of,
@@ -383,6 +386,8 @@ class _Collector:
                 along = rim_height(contact.normal, contact.axis, contact.radius)
         elif isinstance(contact, BoxContact):
             along = box_distance(contact.axes, contact.half)
+        elif isinstance(contact, PinContact):
+            along = curve_distance(*contact.axes[:2], contact.curve)
         elif isinstance(contact, SphereContact) and contact.axis is not None:
             x, y, _ = directions.frame(contact.axis)
             along = distance_across(x, y)
@@ -551,6 +556,9 @@ def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equatio
         if on_ground:
             given = (contact.normal, contact.axis or ZERO)
             return roll(*given, first, contact.radius), roll(*given, second, contact.radius)
+    if isinstance(contact, PinContact):
+        along = curve_slip(contact.axes, contact.curve, contact.radius, contact.reference)
+        return along, in_plane(contact.axes[2])
     assert isinstance(contact, PlaneContact | SphereContact)
     return _rubs(contact, False), _rubs(contact, True)
 

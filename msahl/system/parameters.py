@@ -12,6 +12,7 @@ from msahl.elements.beams.shape import shape
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
+from msahl.elements.constraints.outlines import curves_of
 from msahl.elements.constraints.products import Products, Surfaces
 from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.reactions import Reactions
@@ -156,6 +157,7 @@ def _scalar(
                 surfaces=_surfaces([product.surface for product, _ in products]),
             ),
             radius=_numbers(coordinate.radius for coordinate, _ in elements.coordinates),
+            curves=curves_of([coordinate.curve for coordinate, _ in elements.coordinates]),
         ),
         equations=_equations(elements, topology, frames),
         laws=laws,

@@ -16,6 +16,7 @@ are therefore zero, not small: every velocity and every guess passes through ``f
 
 import numpy as np
 
+from msahl.elements.constraints import curves
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations, is_active
@@ -202,6 +203,7 @@ def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates
         first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
         radius=group.radius[used],
         block=group.block[used],
+        curves=curves.subset(group.curves, used),
     )
     return coords, number
 

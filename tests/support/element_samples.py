@@ -13,6 +13,7 @@ import numpy as np
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.algebra.surfaces import Surface
 from msahl.algebra.vector import ZERO
+from msahl.check.directions import frame
 from msahl.expressions.syntax import Call, Lookup, Name, parse
 from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
@@ -21,6 +22,8 @@ from msahl.model import (
     Compliance,
     ConcentratedLoad,
     Coupling,
+    Curve,
+    CurvePart,
     DistanceLimit,
     Joint,
     JointActuator,
@@ -31,6 +34,7 @@ from msahl.model import (
     Law,
     Marker,
     MarkerActuator,
+    PinContact,
     PlaneContact,
     PointLoad,
     PointMotion,
@@ -482,6 +486,14 @@ def in_contact(contact):
     return make
 
 
+PIN = PinContact(
+    *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2)),
+    Curve((0.5, 0.0), (CurvePart("arc", ((0.0, 0.5), (-0.5, 0.0))),), closed=True),
+    6.0,
+    axes=frame((0.6, 0.0, 0.8)),
+    reference=(0.0, 0.6, 0.8),
+    **SOFT,
+)
 CONTACTS = {
     "jointLimit": in_contact(JointLimit("C", "J0", "slide", 5.0, None, **SOFT)),
     "jointLimit, angle": in_contact(JointLimit("C", "J0", "angle", None, -5.0, **SOFT)),
@@ -510,6 +522,8 @@ CONTACTS = {
     "boxContact": in_contact(
         BoxContact("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2), 6.0, **SOFT)
     ),
+    "pinContact": in_contact(PIN),
+    "pinContact, friction": in_contact(replace(PIN, **ROUGH)),
     "planeContact, disk": in_contact(
         PlaneContact(
             *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), (0.6, 0.0, 0.8)),

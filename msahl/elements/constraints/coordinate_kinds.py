@@ -8,6 +8,7 @@
     SKEW    q = ((D.D - L^2) (1 - s^2) - a^2 - b^2 + 2 s a b) / (2 L)
             distance of two crossed cylinders less L, times the square of the sine between their
             axes: D = m_1..m_3, a = m_4 and b = m_5 along the axes, s = m_6 their cosine [m]
+    CURVE, CURVE_SLIP   distance of a point from a planar curve, and slip along it: see ``curves``
 
 The m_i are the scalar products of ``products``. Each kind gives weights w with  dq = sum w_i dm_i
 over the step, exactly, the derivative of q by the products' end values, and the derivative of w by
@@ -21,8 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements.constraints import curves
+from msahl.elements.constraints.curves import CURVE, Curves
 from msahl.elements.constraints.products import SLIDE, Products, ProductsWorkspace
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, optional
 
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
 MOST = 6
@@ -40,8 +43,9 @@ class Coordinates(NamedTuple):
     products: Products
     kind: np.ndarray  # (q,)
     first: np.ndarray  # (q + 1,) first product of each
-    radius: np.ndarray  # (q,) r of a ROUND, L of a SKEW [m]
+    radius: np.ndarray  # (q,) r of a ROUND or a CURVE_SLIP, L of a SKEW [m]
     block: np.ndarray  # (q, 16) starts of the blocks of its four parts by four parts
+    curves: Curves | None
 
 
 class CoordinatesWorkspace(NamedTuple):
@@ -84,6 +88,8 @@ def value(group: Coordinates, start: CoordinatesWorkspace, angle: float, q: int)
         return m[k] - group.radius[q] * math.sqrt(max(0.0, 1.0 - m[k + 1] ** 2))
     if group.kind[q] == SKEW:
         return skew_distance(m, k, group.radius[q])
+    if group.kind[q] == CURVE:
+        return curves.value(group.curves, q, m[k], m[k + 1])
     return m[k]
 
 
@@ -138,8 +144,26 @@ def weigh(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
         _weigh_angle(group, start, q)
     elif kind == ROUND:
         _weigh_round(group, start, q)
-    else:
+    elif kind == SKEW:
         _weigh_skew(group, start, q)
+    else:
+        weigh_along_curve(group.curves, group, start, q)
+
+
+@optional()
+def weigh_along_curve(
+    given: Curves, group: Coordinates, start: CoordinatesWorkspace, q: int
+) -> None:
+    """Likewise of a distance from a curve, or a slip along it."""
+    first, last = group.first[q], group.first[q + 1]
+    m, dm = start.products.value, start.products.change
+    out = (start.weights, start.slopes, start.curves)
+    if group.kind[q] == CURVE:
+        begin, step = (m[first], m[first + 1]), (dm[first], dm[first + 1])
+        start.change[q] = curves.weigh(given, q, begin, step, start.value[q], *out)
+    else:
+        parts = (m[first:last], dm[first:last])
+        start.change[q] = curves.weigh_slip(given, q, group.radius[q], *parts, *out)
 
 
 @kernel

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints import coordinate_jacobians, coordinates
+from msahl.elements.constraints import coordinate_jacobians, coordinates, curves
 from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
 from msahl.elements.constraints.coordinate_kinds import (
     Coordinates,
@@ -451,6 +451,14 @@ def values(
     coordinates.rates(scalar.coordinates, q, frames.v, frames.W, rate)
     for k in range(value.size):
         value[k] = q.value[k]
+
+
+@optional(0.0)
+def kink(scalar: ScalarConstraints, start: ScalarWorkspace, q: int) -> float:
+    """Return the kink of a distance from a curve in the prepared state."""
+    own, m = scalar.coordinates, start.coordinates.products.value
+    k = own.first[q]
+    return curves.kink(own.curves, q, m[k], m[k + 1])
 
 
 @optional()

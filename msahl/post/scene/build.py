@@ -10,6 +10,7 @@ import numpy as np
 from msahl.algebra.rotation_arrays import matrices, quaternions
 from msahl.model import Model, RigidBody
 from msahl.post.scene.beams import beam_entries, node_beams
+from msahl.post.scene.curves import curve_shapes
 from msahl.post.scene.derived import (
     ROD_RADIUS,
     WIDE,
@@ -162,6 +163,8 @@ def derived_shapes(
                 shapes[body[name]].append(round_part)
     for b, wheel in _wheels(model, joints, poses):
         shapes[b].append(wheel)
+    for b, part in curve_shapes(model, body, ROD_RADIUS * size):
+        shapes[b].append(part)
     beam_of = node_beams(model)
     for index, record_of_body in enumerate(model.bodies):
         rods = links(record_of_body.r_BG, ends[index], ROD_RADIUS * size)
