@@ -97,7 +97,7 @@ def test_the_speed_of_lift_off(tmp_path):
     assert kinds[True][:2] == ["closes", "opens"]
 
 
-def test_a_geneva_wheel_turns_by_quarters():
+def test_a_geneva_wheel_moves_by_quarters():
     """Angles and rates while the pin drives are those of plane geometry."""
     report, sink, _ = run_events(deck("geneva_wheel"), "gauss3")
     table = sink.table("joints")
@@ -301,5 +301,5 @@ def test_pictures_show_the_curve_and_the_pin():
     m, half, middle = math.sqrt(0.005 - 0.0051**2), 0.0051, 0.027
     slots = 4.0 * (2.0 * (m - middle) + math.pi * half)
     rims = 4.0 * math.sqrt(0.005) * (0.5 * math.pi - 2.0 * math.asin(half / math.sqrt(0.005)))
-    # Chords that turn by a tenth are shorter than arcs by 4e-4, and links of joints are rods.
+    # Chords that bend by a tenth are shorter than arcs by 4e-4, and links of joints are rods.
     assert length == pytest.approx(slots + rims, rel=1e-3)

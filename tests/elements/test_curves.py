@@ -164,9 +164,9 @@ def test_the_change_of_a_distance_is_that_of_its_values(curve):
         for _ in range(20):
             begin, step = rng.uniform(-3.0, 3.0, size=2), size * rng.normal(size=2)
             ends = [curves.value(group, 0, *map(float, p)) for p in (begin, begin + step)]
-            out = [np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6))]
+            out = np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6))
             pair = (tuple(map(float, begin)), tuple(map(float, step)))
-            change = curves.weigh(group, 0, *pair, ends[0], *out)
+            change = curves.weigh(group, 0, *pair, ends[0], out)
             if min(ends) < 0.0:
                 continue  # within what is solid the distance has kinks
             assert change == pytest.approx(ends[1] - ends[0], abs=1e-14)
@@ -250,11 +250,11 @@ def test_a_slip_is_that_of_the_material_points():
     """In a plane: the velocity of the pin's point of contact less that of the curve's, along it."""
     group = curves_of([circle(2.0)])
     centre, speed, spin, r = np.array([1.5, 2.0]), np.array([0.3, -0.4]), 1.7, 0.5
-    out = [np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6))]
+    out = np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6))
     angle, h = 0.4, 1e-6
     m = np.array([*centre, math.sin(angle), math.cos(angle)])
     dm = h * np.array([*speed, spin * math.cos(angle), -spin * math.sin(angle)])
-    slip = curves.weigh_slip(group, 0, r, m, dm, *out) / h
+    slip = curves.weigh_slip(group, 0, r, m, dm, out) / h
     n = centre / np.hypot(*centre)
     velocity = speed + spin * -r * np.array([-n[1], n[0]])
     assert slip == pytest.approx(velocity @ np.array([-n[1], n[0]]), rel=1e-5)

@@ -160,10 +160,10 @@ def weigh_along_curve(
     out = (start.weights, start.slopes, start.curves)
     if group.kind[q] == CURVE:
         begin, step = (m[first], m[first + 1]), (dm[first], dm[first + 1])
-        start.change[q] = curves.weigh(given, q, begin, step, start.value[q], *out)
+        start.change[q] = curves.weigh(given, q, begin, step, start.value[q], out)
     else:
         parts = (m[first:last], dm[first:last])
-        start.change[q] = curves.weigh_slip(given, q, group.radius[q], *parts, *out)
+        start.change[q] = curves.weigh_slip(given, q, group.radius[q], *parts, out)
 
 
 @kernel

@@ -53,6 +53,9 @@ Place = tuple[float, float, float, float, float, float, float]
 """Foot p_1, p_2, tangent t_1, t_2, curvature; 0, or -1 or 1 if it is the start or the end of the
 segment and the point is past it; and how far along the segment it is: u, or the angle from e."""
 
+Weights = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Weights, slopes and curves of all coordinates, as their workspace has them."""
+
 
 class Curves(NamedTuple):
     """The curves of all coordinates, segment by segment."""
@@ -63,7 +66,7 @@ class Curves(NamedTuple):
     middle: np.ndarray  # (s, 2) of a circle around the segment
     reach: np.ndarray  # (s,) its radius [m]
     beside: np.ndarray  # (s, 2) what of its stretch is before a piece and after it, in u
-    turn: np.ndarray  # (s, 2) angles of the corners at its start and end [rad]; 0 if it is smooth
+    corner: np.ndarray  # (s, 2) angles of those at its start and end [rad]; 0 if it is smooth
     sign: np.ndarray  # (s,) of the kink; twice that where one is in the middle of the stretch
 
 
@@ -200,7 +203,7 @@ def corner_at(group: Curves, s: int, end: float) -> float:
     """
     if end == 0.0:
         return 0.0
-    angle: float = group.turn[s, 0 if end < 0.0 else 1]
+    angle: float = group.corner[s, 0 if end < 0.0 else 1]
     return angle
 
 
@@ -219,13 +222,13 @@ def foot(group: Curves, q: int, x: float, y: float) -> Foot:
 def kink(group: Curves, q: int, x: float, y: float) -> float:
     """Return the kink of coordinate ``q`` at a point [m or rad]."""
     s, _, found = nearest(group, q, x, y)
-    sign, u, turn = group.sign[s], found[6], corner_at(group, s, found[5])
-    if turn != 0.0:
+    sign, u, total = group.sign[s], found[6], corner_at(group, s, found[5])
+    if total != 0.0:
         X, Y, t, v = x - found[0], y - found[1], found[2], found[3]
         angle = abs(math.atan2(X * t + Y * v, X * v - Y * t))
         if found[5] > 0.0 and abs(sign) == 2.0:
             sign = -sign
-        return -math.copysign(min(angle, turn - angle), sign)
+        return -math.copysign(min(angle, total - angle), sign)
     if group.kind[s] == LINE:
         before, after = u - group.numbers[s, 4], group.numbers[s, 5] - u
     elif group.kind[s] == ARC:
@@ -274,13 +277,12 @@ def weigh(
     begin: tuple[float, float],
     step: tuple[float, float],
     before: float,
-    weights: np.ndarray,
-    slopes: np.ndarray,
-    curves: np.ndarray,
+    out: Weights,
 ) -> float:
     """Set weights and their derivatives of the distance over a ``step`` from where it is
     ``before``, and return its change.
     """
+    weights, slopes, curves = out
     for i in range(2):
         weights[q, i] = 0.0
         for j in range(2):
@@ -324,13 +326,12 @@ def weigh_slip(
     radius: float,
     begin: np.ndarray,
     step: np.ndarray,
-    weights: np.ndarray,
-    slopes: np.ndarray,
-    curves: np.ndarray,
+    out: Weights,
 ) -> float:
     """Set weights and their derivatives of the slip over a ``step`` of its products (2 or 4,), and
     return the slip.
     """
+    weights, slopes, curves = out
     count = begin.size
     for i in range(count):
         for j in range(count):

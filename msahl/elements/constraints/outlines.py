@@ -2,8 +2,8 @@
 
 A spline is cubic over the length of its polygon. It has the direction of a line or an arc beside
 it, the same one at both ends if it is a closed curve by itself, and else no jump of the third
-derivative at its last points but one. Its polynomials are cut where they turn by more than
-``TURN``, so that each has one nearest place to any point within its radius of curvature.
+derivative at its last points but one. Its polynomials are cut where they bend by more than
+``BEND``, so that each has one nearest place to any point within its radius of curvature.
 """
 
 import math
@@ -16,8 +16,8 @@ from msahl.elements.constraints.curves import ARC, LINE, PIECE, Curves
 from msahl.model.curves import SPLINE, STRAIGHT, Curve, CurvePart, Point
 from msahl.records import record
 
-TURN = 0.1
-"""Most by which a polynomial turns [rad]: a tenth is small, and makes few of them."""
+BEND = 0.1
+"""Most by which a polynomial bends [rad]: a tenth is small, and makes few of them."""
 SMOOTH = 1e-6
 """Angle of two segments [rad] that is that of the digits a deck omits."""
 STRAIGHTEST = 1e-12
@@ -65,7 +65,7 @@ def curves_of(found: Sequence[Curve | None]) -> Curves | None:
         middle=np.array([segment.middle for segment in every]),
         reach=np.array([segment.reach for segment in every]),
         beside=np.array([segment.beside for segment in every]),
-        turn=np.concatenate([turns for turns, _ in kinks]),
+        corner=np.concatenate([angles for angles, _ in kinks]),
         sign=np.concatenate([sign for _, sign in kinks]),
     )
 
@@ -75,12 +75,12 @@ def _kinks(segments: list[Segment], closed: bool) -> tuple[np.ndarray, np.ndarra
     change from stretch to stretch: from a line or arc to a corner and to the next one, so twice.
     """
     count = len(segments)
-    turns, sign = np.zeros((count, 2)), np.ones(count)
+    angles, sign = np.zeros((count, 2)), np.ones(count)
     for k in range(count if closed else count - 1):
         one, other = segments[k], segments[(k + 1) % count]
-        angle = _turn(one, other)
+        angle = _bend(one, other)
         if abs(angle) > SMOOTH:
-            turns[k, 1] = turns[(k + 1) % count, 0] = angle
+            angles[k, 1] = angles[(k + 1) % count, 0] = angle
         changes = abs(angle) <= SMOOTH and one.beside[1] == 0.0
         if k + 1 < count:
             sign[k + 1] = -sign[k] if changes else sign[k]
@@ -89,11 +89,11 @@ def _kinks(segments: list[Segment], closed: bool) -> tuple[np.ndarray, np.ndarra
             own = 1 + next((i for i, segment in enumerate(segments) if segment.beside[1] == 0.0), 0)
             sign[own:] *= -1.0
             sign[:own] *= 2.0
-    return turns, sign
+    return angles, sign
 
 
-def _turn(one: Segment, other: Segment) -> float:
-    """Return the angle by which a curve turns from one segment to the next [rad]."""
+def _bend(one: Segment, other: Segment) -> float:
+    """Return the angle by which a curve bends from one segment to the next [rad]."""
     (a, b), (c, d) = one.directions[1], other.directions[0]
     return math.atan2(a * d - b * c, a * c + b * d)
 
@@ -140,13 +140,13 @@ def _parts(curve: Curve, parts: list[CurvePart]) -> list[Segment]:
 
 
 def corners(segments: list[Segment], closed: bool) -> list[tuple[Point, float]]:
-    """Return the corners between segments, each with the angle [rad] by which the curve turns
+    """Return the corners between segments, each with the angle [rad] by which the curve bends
     there: greater than zero where it is convex.
     """
     pairs = [*pairwise(segments), *([(segments[-1], segments[0])] if closed else [])]
     found = []
     for one, other in pairs:
-        angle = _turn(one, other)
+        angle = _bend(one, other)
         if abs(angle) > SMOOTH:
             found.append((other.ends[0], angle))
     return found
@@ -209,13 +209,13 @@ def _spline(
 
 
 def _pieces(c: np.ndarray, h: float) -> list[Segment]:
-    """Return a polynomial with the coefficients (4, 2) cut into parts that turn little."""
+    """Return a polynomial with the coefficients (4, 2) cut into parts that bend little."""
     u = np.linspace(0.0, h, 65)[:, None]
     d = c[1] + u * (2.0 * c[2] + 3.0 * u * c[3])
     if not (np.hypot(*d.T) > 0.0).all():
         raise NoCurve("the spline has a cusp; give its points closer together there")
-    turn = float(np.abs(np.diff(np.unwrap(np.arctan2(d[:, 1], d[:, 0])))).sum())
-    cuts = np.linspace(0.0, h, 1 + max(1, math.ceil(turn / TURN)))
+    bend = float(np.abs(np.diff(np.unwrap(np.arctan2(d[:, 1], d[:, 0])))).sum())
+    cuts = np.linspace(0.0, h, 1 + max(1, math.ceil(bend / BEND)))
     return [_piece(c, float(a), float(b - a), float(h - b)) for a, b in pairwise(cuts)]
 
 
@@ -236,7 +236,7 @@ def _piece(c: np.ndarray, a: float, h: float, rest: float) -> Segment:
     t = d / speed[:, None]
     middle = 0.5 * (p[0] + p[-1])
     # Between two of the samples the curve is within half of their distance of one of them.
-    reach = float(np.hypot(*(p - middle).T).max() + 0.5 * h / 16 * speed.max() * (1.0 + TURN))
+    reach = float(np.hypot(*(p - middle).T).max() + 0.5 * h / 16 * speed.max() * (1.0 + BEND))
     ends, directions = ((_pair(v[0]), _pair(v[-1])) for v in (p, t))
     hollow = -1.0 / float(kappa.min()) if kappa.min() < 0.0 else math.inf
     numbers = (*map(float, own.reshape(-1)), h)
@@ -249,7 +249,7 @@ def outline(segments: list[Segment]) -> list[Point]:
     for segment in segments:
         if segment.kind == ARC:
             cx, cy, e, f, R, half, sign = segment.numbers[:7]
-            count = 1 + math.ceil(2.0 * half / TURN)
+            count = 1 + math.ceil(2.0 * half / BEND)
             middle = math.atan2(f, e)
             angles = [middle + sign * half * (2.0 * k / count - 1.0) for k in range(1, count)]
             points += [(cx + R * math.cos(q), cy + R * math.sin(q)) for q in angles]
