@@ -193,7 +193,8 @@ def trace(problem: Problem, code: Code, exact: np.ndarray, longest: float, budge
         warmed = min(WARMED, problem.grid / 8.0)
         ours.motion(problem.model, warmed, 2, code.name, accuracy=accuracy)
     for target in TARGETS:
-        for rung in _wanted(curve, target):
+        for wanted in _wanted(curve, target):
+            rung = _affordable(curve, wanted, longest)
             expected = _expected(curve, rung)
             if expected > longest:
                 curve.stopped = f"the next run would take {expected:.2g} s"
@@ -316,6 +317,16 @@ def _between(curve: Curve, worse: Point, good: Point, target: float) -> int:
         share = math.log(worse.error / target) / math.log(worse.error / good.error)
         rung = round(worse.rung + share * (good.rung - worse.rung))
     return min(max(rung, worse.rung + 1), good.rung - 1)
+
+
+def _affordable(curve: Curve, rung: int, longest: float) -> int:
+    """Return the rung, or, if it is finer than all so far and would take more than ``longest``
+    seconds, the finest that does not, at least the next one.
+    """
+    last = max(curve.points, default=rung)
+    while rung > last + 1 and _expected(curve, rung) > longest:
+        rung -= 1
+    return rung
 
 
 def _expected(curve: Curve, rung: int) -> float:

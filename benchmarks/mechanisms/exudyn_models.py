@@ -180,7 +180,8 @@ def _empty(given: Layout) -> _Built:
     return _Built(mbs, given, mbs.AddObject(items.ObjectGround()))
 
 
-def _build_bodies(given: Layout) -> _Built:
+def build_bodies(given: Layout) -> _Built:
+    """Return a system of bodies in space with joints."""
     built = _empty(given)
     for mass in given.masses.values():
         built.objects[mass.name] = _add_body(built, mass)
@@ -394,4 +395,4 @@ def _add_gear(built: _Built, node: int, links: _Links, gear: Gear) -> None:
         markerNumbers=markers, factorValue1=gear.ratio))  # fmt: skip
 
 
-_FORMS = {BODIES: _build_bodies, PLANE: _build_plane, TREE: _build_tree}
+_FORMS = {BODIES: build_bodies, PLANE: _build_plane, TREE: _build_tree}

@@ -62,9 +62,14 @@ def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> 
     return Motion(t, _of_bodies(compiled, model, np.array(rows)), none, none, none, seconds, steps)
 
 
-def _look(compiled: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+def check_stable(data: mujoco.MjData) -> None:
+    """Raise ArithmeticError if the motion has diverged."""
     if any(data.warning[kind].number for kind in _UNSTABLE):
         raise ArithmeticError("unstable")
+
+
+def _look(compiled: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    check_stable(data)
     mujoco.mj_kinematics(compiled, data)
     return data.xipos.copy()
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 
 from benchmarks.curves import TARGETS, Curve, Reached
 from benchmarks.mechanisms.peers import MISSING, PEERS
-from benchmarks.mechanisms.pictures import draw_mechanisms
+from benchmarks.mechanisms.pictures import draw_problems
 from benchmarks.mechanisms.problems import ABOUT
 from benchmarks.mechanisms.store import microseconds, refusals
 from benchmarks.precision_asked import OURS, Found
@@ -45,7 +46,7 @@ def write_page(found: list[Found], machine: list[str], folder: Path) -> None:
     """Write page and picture; an empty ``machine`` keeps what is known of it."""
     if machine:
         (folder / MACHINE).write_text("\n".join(f"- {line}" for line in machine) + "\n")
-    draw_mechanisms(found, folder / PICTURE)
+    draw_problems(found, folder / PICTURE)
     (folder / PAGE).write_text(report(found, folder))
 
 
@@ -62,7 +63,7 @@ def report(found: list[Found], folder: Path) -> str:
         f"## The fastest code of each program, 1e-6 m\n\n{_summary(found)}",
         f"![error against time]({PICTURE})",
         f"## Asked and measured\n\n{table_of_verdicts(verdicts(found))}",
-        f"## Where another program is faster\n\n{_lost(found)}\n\n{WHY}",
+        f"## Where another program is faster\n\n{lost(found)}\n\n{WHY}",
         *(_section(one, folder) for one in found),
         f"## Codes and settings\n\n{_settings()}",
     ]
@@ -78,17 +79,19 @@ def _summary(found: list[Found]) -> str:
     programs = (OURS, *OTHERS)
     lines = [f"| mechanism | {' | '.join(programs)} |", "|---|" + "---|" * len(programs)]
     for one in found:
-        cells = [one.best_cell(program, JUDGED, _in_milliseconds) for program in programs]
+        cells = [one.best_cell(program, JUDGED, in_milliseconds) for program in programs]
         lines.append(f"| {one.problem.name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def _milliseconds(reached: Reached) -> str:
+def milliseconds(reached: Reached) -> str:
+    """Return the milliseconds of a run, with what they are a bound of."""
     return "-" if reached.how == "-" else f"{BOUNDS[reached.how]}{1e3 * reached.seconds:.3g}"
 
 
-def _in_milliseconds(reached: Reached) -> str:
-    return f"{_milliseconds(reached)} ms"
+def in_milliseconds(reached: Reached) -> str:
+    """Return ``milliseconds`` with their unit."""
+    return f"{milliseconds(reached)} ms"
 
 
 def verdicts(found: list[Found]) -> list[Verdict]:
@@ -125,8 +128,8 @@ def at_least(reached: Reached) -> float:
     return reached.seconds / (RUNG if reached.how == "<=" else 1.0)
 
 
-def _lost(found: list[Found]) -> str:
-    """Every mechanism and error at which another program takes less time."""
+def lost(found: list[Found]) -> str:
+    """Return every problem and error at which another program takes less time."""
     lines = []
     for one in found:
         for target in TARGETS:
@@ -138,25 +141,28 @@ def _lost(found: list[Found]) -> str:
             if reached.how != ">=" and reached.seconds < ours[1].seconds:
                 ratio = ours[1].seconds / reached.seconds
                 lines.append(
-                    f"- {one.problem.name}, {target:.0e} m: {code} takes {_milliseconds(reached)} "
-                    f"ms, {ours[0]} {_milliseconds(ours[1])} ms: {ratio:.2g} times as long."
+                    f"- {one.problem.name}, {target:.0e} m: {code} takes {milliseconds(reached)} "
+                    f"ms, {ours[0]} {milliseconds(ours[1])} ms: {ratio:.2g} times as long."
                 )
     return "\n".join(lines) or "Nowhere."
 
 
 def _section(found: Found, folder: Path) -> str:
     name = found.problem.name
-    refused = refusals(found.problem, folder)
-    reasons = {why: [c for c in refused if refused[c] == why] for why in refused.values()}
-    without = [f"{', '.join(codes)}: {why}." for why, codes in reasons.items()]
     parts = [
         f"## {name[0].upper()}{name[1:]}",
         ABOUT[name],
         f"Reference: {found.known.words}, {found.known.apart:.1e} m apart.",
         _table(found.curves),
-        "\n".join(f"- {line}" for line in without),
+        reasons_of(refusals(found.problem, folder)),
     ]
     return "\n\n".join(part for part in parts if part)
+
+
+def reasons_of(refused: dict[str, str]) -> str:
+    """Return which codes cannot take a model, by the reason."""
+    reasons = {why: [c for c in refused if refused[c] == why] for why in refused.values()}
+    return "\n".join(f"- {', '.join(codes)}: {why}." for why, codes in reasons.items())
 
 
 def _table(curves: Iterable[Curve]) -> str:
@@ -167,21 +173,30 @@ def _table(curves: Iterable[Curve]) -> str:
     ]
     for curve in curves:
         reached = [curve.reach(target) for target in TARGETS]
-        cells = [f"- ({_milliseconds(r)})" if r.how == ">=" else _milliseconds(r) for r in reached]
         reasons = dict.fromkeys(r.reason for r in reached if r.reason and r.how != "<=")
         near = curve.at(JUDGED) or (curve.sorted()[-1] if curve.points else None)
-        cells += [f"{microseconds(near):.3g}", "; ".join(reasons)]
+        cells = [*map(cell, reached), f"{microseconds(near):.3g}", "; ".join(reasons)]
         lines.append(f"| {curve.code.name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
+def cell(reached: Reached) -> str:
+    """Return milliseconds for a table, in parentheses if they are those of an extrapolation."""
+    return f"- ({milliseconds(reached)})" if reached.how == ">=" else milliseconds(reached)
+
+
 def _settings() -> str:
-    lines = [
+    ours = (
         "- **msahl**: `--solver newton`, each scheme by its name, its defaults, step fixed; "
         "*by tolerance*: the scheme `auto`, with a tolerance of the sum of local errors."
-    ]
-    for package, module in PEERS.items():
+    )
+    return "\n".join([ours, *settings_of(PEERS, MISSING)])
+
+
+def settings_of(peers: dict[str, ModuleType], missing: dict[str, str]) -> list[str]:
+    """Return the settings of the other programs, and why some are missing, by package."""
+    lines = []
+    for package, module in peers.items():
         lines.append(f"- {package} {module.VERSION}:")
         lines += [f"    - **{code}**: {text}." for code, text in module.SETTINGS.items()]
-    lines += [f"- {package} is missing ({why})." for package, why in MISSING.items()]
-    return "\n".join(lines)
+    return [*lines, *(f"- {package} is missing ({why})." for package, why in missing.items())]

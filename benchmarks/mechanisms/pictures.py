@@ -19,8 +19,8 @@ LIMITS = (1e-11, 1.0)
 TARGET = 1e-6
 
 
-def draw_mechanisms(found: list[Found], path: Path) -> None:
-    """Draw every program on every mechanism."""
+def draw_problems(found: list[Found], path: Path, limits: tuple[float, float] = LIMITS) -> None:
+    """Draw every program on every problem, errors between the ``limits`` [m]."""
     rows = -(-max(len(found), 1) // COLUMNS)
     size = (8.0, 2.3 * rows + 0.5)
     figure, grid = plt.subplots(rows, COLUMNS, figsize=size, layout="constrained", squeeze=False)
@@ -29,7 +29,7 @@ def draw_mechanisms(found: list[Found], path: Path) -> None:
     for axes, one in zip(grid.flat, found, strict=False):
         for program, hue in HUES.items():
             _draw(axes, runs(one, program), hue)
-        finish_axes(axes, one.problem.name, LIMITS, TARGET)
+        finish_axes(axes, one.problem.name, limits, TARGET)
     save(figure, HUES, ("time loop [s]", "largest position error [m]"), path)
 
 

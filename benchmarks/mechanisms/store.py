@@ -2,13 +2,14 @@
 
 A row of the first is a run of one code at one rung of its ladder. Rows without a rung say why a
 code was refined no more, or why it cannot take the model; those of the code "reference", how far
-two ways to the true motion are apart.
+two ways to the true motion are apart. The benchmark of contacts has tables of its own: ``Kept``.
 """
 
 import csv
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +21,10 @@ from benchmarks.precision_asked import Found
 from benchmarks.problems import Problem
 from benchmarks.reference import Known
 
-ERRORS, SECONDS = "mechanisms_errors.csv", "mechanisms_seconds.csv"
 HEADS = {
-    ERRORS: ("mechanism", "code", "rung", "step [s] or accuracy", "position error [m]", "steps",
-             "iterations", "note"),
-    SECONDS: ("mechanism", "code", "rung", "loop, samples [s]"),
+    "errors": ("code", "rung", "step [s] or accuracy", "position error [m]", "steps",
+               "iterations", "note"),
+    "seconds": ("code", "rung", "loop, samples [s]"),
 }  # fmt: skip
 REFERENCE = "reference"
 SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3")
@@ -40,6 +40,35 @@ class Refused(NamedTuple):
     why: str
 
 
+class Kept(NamedTuple):
+    """The tables ``NAME_errors.csv`` and ``NAME_seconds.csv`` of one benchmark, of which each of
+    the ``codes`` measures problems that are called ``what``.
+    """
+
+    name: str
+    what: str
+    codes: Callable[[Problem], Iterable[Code | Refused]]
+
+    def path(self, table: str, folder: Path) -> Path:
+        """Return where a table is in the ``folder``."""
+        return folder / f"{self.name}_{table}.csv"
+
+    def read(self, table: str, folder: Path) -> list[list[str]]:
+        """Return the rows of a table, none if it does not exist."""
+        path = self.path(table, folder)
+        if not path.exists():
+            return []
+        with path.open(newline="") as file:
+            return list(csv.reader(file))[1:]
+
+    def write(self, table: str, folder: Path, rows: Iterable[Iterable[object]]) -> None:
+        """Write a table."""
+        with self.path(table, folder).open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow((self.what, *HEADS[table]))
+            writer.writerows(rows)
+
+
 def codes(problem: Problem) -> Iterator[Code | Refused]:
     """Every code, in the order in which they are measured."""
     large = problem.bodies >= LARGE
@@ -47,7 +76,12 @@ def codes(problem: Problem) -> Iterator[Code | Refused]:
         yield Code(f"msahl {scheme}", ours, order_of(scheme))
     for name in () if large else ours.BY_TOLERANCE:
         yield Code(name, ours, LARGEST_ORDER, controlled=True)
-    for module in PEERS.values():
+    yield from codes_of(PEERS.values(), problem)
+
+
+def codes_of(modules: Iterable[ModuleType], problem: Problem) -> Iterator[Code | Refused]:
+    """Every code of other programs."""
+    for module in modules:
         for name in module.VARIANTS:
             why = module.cannot(problem.model, name)
             controlled = name in getattr(module, "CONTROLLED", ())
@@ -55,8 +89,11 @@ def codes(problem: Problem) -> Iterator[Code | Refused]:
             yield Refused(name, why) if why else code
 
 
-def save(found: Found, refused: Iterable[Refused], folder: Path) -> None:
-    """Replace what the tables in ``folder`` have on this mechanism."""
+MECHANISMS = Kept("mechanisms", "mechanism", codes)
+
+
+def save(found: Found, refused: Iterable[Refused], folder: Path, kept: Kept = MECHANISMS) -> None:
+    """Replace what the tables in ``folder`` have on this problem."""
     name = found.problem.name
     errors = [[name, REFERENCE, "", "", found.known.apart, "", "", found.known.words]]
     errors += [[name, code, "", "", "", "", "", why] for code, why in refused]
@@ -68,36 +105,39 @@ def save(found: Found, refused: Iterable[Refused], folder: Path) -> None:
             step = knob(found.problem, code, p.rung)
             errors.append([name, code.name, p.rung, step, p.error, p.steps, p.iterations, p.note])
             seconds.append([name, code.name, p.rung, " ".join(map(repr, p.samples))])
-    for file, rows in ((ERRORS, errors), (SECONDS, seconds)):
-        kept = [row for row in _read(folder / file) if row[0] != name]
-        _write(folder / file, [*kept, *rows])
+    for table, rows in (("errors", errors), ("seconds", seconds)):
+        others = [row for row in kept.read(table, folder) if row[0] != name]
+        kept.write(table, folder, [*others, *rows])
 
 
-def load(problems: Iterable[Problem], folder: Path) -> list[Found]:
+def load(problems: Iterable[Problem], folder: Path, kept: Kept = MECHANISMS) -> list[Found]:
     """Return what the tables have on each of the ``problems``, without the true motion."""
-    errors, seconds = _read(folder / ERRORS), _read(folder / SECONDS)
+    errors, seconds = (kept.read(table, folder) for table in HEADS)
     samples = {tuple(row[:3]): [float(s) for s in row[3].split()] for row in seconds}
     found = []
     for problem in problems:
         rows = [row for row in errors if row[0] == problem.name]
         if rows:
-            found.append(_found(problem, rows, samples))
+            found.append(_found(problem, kept.codes(problem), rows, samples))
     return found
 
 
-def refusals(problem: Problem, folder: Path) -> dict[str, str]:
+def refusals(problem: Problem, folder: Path, kept: Kept = MECHANISMS) -> dict[str, str]:
     """Return why codes cannot take the model, by code."""
-    rows = [row for row in _read(folder / ERRORS) if row[0] == problem.name]
+    rows = [row for row in kept.read("errors", folder) if row[0] == problem.name]
     ran = {row[1] for row in rows if row[2]} | {REFERENCE}
     return {row[1]: row[7] for row in rows if row[1] not in ran}
 
 
 def _found(
-    problem: Problem, rows: list[list[str]], samples: dict[tuple[str, ...], list[float]]
+    problem: Problem,
+    codes: Iterable[Code | Refused],
+    rows: list[list[str]],
+    samples: dict[tuple[str, ...], list[float]],
 ) -> Found:
     apart, words = next((float(r[4]), r[7]) for r in rows if r[1] == REFERENCE)
     found = Found(problem, Known(np.zeros(0), words, apart))
-    for code in codes(problem):
+    for code in codes:
         mine = [row for row in rows if row[1] == code[0]]
         if isinstance(code, Refused) or not any(row[2] for row in mine):
             continue
@@ -109,20 +149,6 @@ def _found(
             )
         found.curves.append(curve)
     return found
-
-
-def _read(path: Path) -> list[list[str]]:
-    if not path.exists():
-        return []
-    with path.open(newline="") as file:
-        return list(csv.reader(file))[1:]
-
-
-def _write(path: Path, rows: Iterable[Iterable[object]]) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEADS[path.name])
-        writer.writerows(rows)
 
 
 def microseconds(point: Point | None) -> float:

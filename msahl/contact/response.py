@@ -22,7 +22,7 @@ from msahl.formulations.absolute.frames import (
     moving_count,
     rotation_increment,
 )
-from msahl.start.velocities import add_to_velocities, solve_at_rest
+from msahl.start.velocities import add_to_velocities, factor_at_rest, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
 from msahl.system.contacts import Contacts, set_closed, set_sticking
@@ -42,6 +42,7 @@ class Response(NamedTuple):
     gradient: np.ndarray  # (m, nodes, 3) of gaps and slips by the unknowns
     W: np.ndarray  # (m, m)
     values: np.ndarray  # block values of the matrix
+    factor: np.ndarray  # of it
     scale: np.ndarray  # (m,) rate over what its equation has
 
     @property
@@ -73,6 +74,7 @@ def respond(
         assert group is not None
         set_sticking(system, np.isin(group.tangent[:, 0], row), nothing)
     values = rigid_at_rest(system, state, work_arrays)
+    factor = factor_at_rest(values, unknowns)
     rows, nodes = system.scalar.equations, node_count(system)
     motion, gradient = np.zeros((2, row.size, nodes, 3))
     scale = sign / rows.scale[row]
@@ -80,11 +82,11 @@ def respond(
         place, slot = rows.place[r]
         by_multiplier, by_unknown = _lines(system, values, int(place), int(slot))
         load = -sign[k] / system.unit[place, slot] * by_multiplier
-        motion[k] = solve_at_rest(system, state, load, unknowns, values)
+        motion[k] = solve_at_rest(system, state, load, unknowns, values, factor)
         gradient[k] = scale[k] * by_unknown
     W = np.einsum("iab,jab->ij", gradient, motion)
     parts = which, row, sign, tangent, column
-    return Response(*parts, motion, gradient, 0.5 * (W + W.T), values, scale)
+    return Response(*parts, motion, gradient, 0.5 * (W + W.T), values, factor, scale)
 
 
 def _directions(
@@ -153,7 +155,7 @@ def accelerations(
     work_arrays.call(evaluate.free_acceleration, system, state, work_arrays.start, Z, rows)
     place = system.scalar.equations.place[response.row]
     bend = rows[first_multiplier(system.frames) + place[:, 0], place[:, 1]]
-    solution = solve_at_rest(system, state, rows, unknowns, response.values)
+    solution = solve_at_rest(system, state, rows, unknowns, response.values, response.factor)
     terms = response.gradient * solution
     found = terms.sum(axis=(1, 2)) - response.scale * bend
     return found, float(max(np.abs(terms).max(initial=0.0), np.abs(bend).max(initial=0.0)))

@@ -20,7 +20,7 @@ import typing
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -40,6 +40,30 @@ _SCALARS: dict[type, str] = {
 _FORMATS = {FLOAT: "d", INT: "q", BOOL: "?", NONE: "q"}
 MOST_BLOCKS = 64
 """Largest number of blocks that are kept for repeated calls."""
+MOST_KEPT = 2000
+"""Groups of which descriptions and layouts are kept: those of some ten systems."""
+
+Found = TypeVar("Found")
+
+
+class _OfGroups(Generic[Found]):
+    """What is computed of a group or tuple, by its identity, kept for others that contain it.
+
+    Groups never change, and no array its place in memory, its shape or its type.
+    """
+
+    def __init__(self, compute: Callable[[Any], Found]) -> None:
+        self._compute = compute
+        self._known: dict[int, tuple[Any, Found]] = {}  # with the groups, kept alive
+
+    def __call__(self, group: tuple[Any, ...]) -> Found:
+        known = self._known
+        found = known.get(id(group))
+        if found is None:
+            if len(known) >= MOST_KEPT:
+                known = self._known = {}
+            found = known[id(group)] = group, self._compute(group)
+        return found[1]
 
 
 def describe(value: Any) -> Description:
@@ -51,12 +75,19 @@ def describe(value: Any) -> Description:
         flags = value.flags
         order = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
         return (ARRAY, _name_of(value.dtype), value.ndim, order)
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        members = map(describe, value)
-        return (GROUP, type(value).__name__, tuple(zip(value._fields, members, strict=True)))
     if isinstance(value, tuple):
-        return (TUPLE, tuple(map(describe, value)))
+        return _description_of(value)
     raise TypeError(f"a kernel takes no {type(value).__name__}")
+
+
+def _describe_group(group: Any) -> Description:
+    members = tuple(map(describe, group))
+    if hasattr(group, "_fields"):
+        return (GROUP, type(group).__name__, tuple(zip(group._fields, members, strict=True)))
+    return (TUPLE, members)
+
+
+_description_of = _OfGroups(_describe_group)
 
 
 @cache
@@ -109,8 +140,12 @@ class Block:
         numbers: list[Any] = []
         for number, value in enumerate(arguments):
             first = len(forms)
-            _lay_out((value,), forms, numbers)
-            if not isinstance(value, tuple):
+            if isinstance(value, tuple):
+                of_group, its_numbers = _layout_of(value)
+                forms += of_group
+                numbers += its_numbers
+            else:
+                _lay_out(value, forms, numbers)
                 size = struct.calcsize("".join(forms[:first]))
                 place = size + -size % struct.calcsize(forms[first][-1])
                 self._changing.append((number, place, forms[first]))
@@ -129,20 +164,36 @@ class Block:
                 struct.pack_into(form, self.memory, place, 0 if value is None else value)
 
 
-def _lay_out(group: tuple[Any, ...], forms: list[str], numbers: list[Any]) -> None:
-    """Append formats, as of ``struct``, and values of all numbers that stand for a group in memory.
+def _lay_out(value: Any, forms: list[str], numbers: list[Any]) -> None:
+    """Append the format, as of ``struct``, and the values of all numbers that stand for an array or
+    a number in memory.
+    """
+    if isinstance(value, np.ndarray):
+        forms.append(f"{5 + 2 * value.ndim}q")
+        numbers += _array(value)
+    else:
+        forms.append(_FORMATS[_SCALARS[type(value)]])
+        numbers.append(0 if value is None else value)
+
+
+def _lay_out_group(group: tuple[Any, ...]) -> tuple[list[str], list[Any]]:
+    """Return what ``_lay_out`` appends of all members of a group.
 
     The native layout of ``struct`` aligns each number by its own size.
     """
+    forms: list[str] = []
+    numbers: list[Any] = []
     for value in group:
-        if isinstance(value, np.ndarray):
-            forms.append(f"{5 + 2 * value.ndim}q")
-            numbers += _array(value)
-        elif isinstance(value, tuple):
-            _lay_out(value, forms, numbers)
+        if isinstance(value, tuple):
+            of_group, its_numbers = _layout_of(value)
+            forms += of_group
+            numbers += its_numbers
         else:
-            forms.append(_FORMATS[_SCALARS[type(value)]])
-            numbers.append(0 if value is None else value)
+            _lay_out(value, forms, numbers)
+    return forms, numbers
+
+
+_layout_of = _OfGroups(_lay_out_group)
 
 
 def _array(value: np.ndarray) -> tuple[int, ...]:

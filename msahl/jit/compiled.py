@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from threading import Lock
 from typing import Any
 
-from msahl.jit.arguments import Blocks, Description, describe, symbol_of
+from msahl.jit.arguments import Blocks, describe, symbol_of
 from msahl.jit.files import Files, source_table, user_folder, version_of
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
@@ -29,7 +29,6 @@ NO_COMPILER = (
     "not installed; install it with: pip install numba"
 )
 
-Describe = Callable[[Any], Description]
 Call = tuple[Any, Sequence[Any]]
 """A compiled function and the arguments of a call."""
 
@@ -67,7 +66,7 @@ class Compiled:
         block, enter = found
         return enter(block.address)
 
-    def unit(self, arguments: Sequence[Any], describe: Describe = describe) -> Unit:
+    def unit(self, arguments: Sequence[Any]) -> Unit:
         """Return the function's name with the types of the ``arguments``."""
         described = tuple(describe(argument) for argument in arguments)
         return self.function.__module__, self.function.__qualname__, described
@@ -122,9 +121,8 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
     The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so, and
     ``CompileError`` where there is no compiler.
     """
-    described = _describing_once()
     made = [
-        (function, given, function.unit(given, described))
+        (function, given, function.unit(given))
         for function, given in calls
         if isinstance(function, Compiled) and not function.is_ready(given)
     ]
@@ -175,23 +173,7 @@ def on_disk(calls: Iterable[Call]) -> bool:
 
 
 def _units(calls: Iterable[Call]) -> list[Unit]:
-    described = _describing_once()
-    compiled = (call for call in calls if isinstance(call[0], Compiled))
-    return [function.unit(given, described) for function, given in compiled]
-
-
-def _describing_once() -> Describe:
-    """Return ``describe``, which describes a group once, however many kernels take it."""
-    known: dict[int, tuple[Any, Description]] = {}  # by the identity of the groups, kept alive
-
-    def described(value: Any) -> Description:
-        if not isinstance(value, tuple):
-            return describe(value)
-        if id(value) not in known:
-            known[id(value)] = value, describe(value)
-        return known[id(value)][1]
-
-    return described
+    return [function.unit(given) for function, given in calls if isinstance(function, Compiled)]
 
 
 def _collect(files: Files, wanted: Iterable[Name], found: dict[str, ObjectFile]) -> bool:

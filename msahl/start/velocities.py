@@ -215,22 +215,37 @@ def solve_at_rest(
     rows: np.ndarray,
     unknowns: Unknowns,
     values: np.ndarray | None = None,
+    factor: np.ndarray | None = None,
 ) -> np.ndarray:
     """Solve with the Jacobian at rest, whose block values are ``values`` if they are known, in the
-    ``unknowns``; (nodes, 3), zero elsewhere.
+    ``unknowns``; (nodes, 3), zero elsewhere. Its ``factor`` may be known as well.
     """
     values = jacobian_at_rest(system, state) if values is None else values
+    factor = factor_at_rest(values, unknowns) if factor is None else factor
     first = 3 * first_multiplier(system.frames)
     solution = np.zeros_like(rows)
-    solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns, first)
+    solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns, first, factor)
     return solution
 
 
-def _solve(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns, first: int) -> np.ndarray:
-    """The free unknowns by the sparse factors, or, where joints are redundant, by least squares;
+def factor_at_rest(values: np.ndarray, unknowns: Unknowns) -> np.ndarray:
+    """Return the sparse factors of the matrix with these block ``values`` in the ``unknowns``; not
+    numbers where a pivot is zero.
+    """
+    factor = new_factor(unknowns.elimination)
+    factorise = by_size(sparse_lu.factor, unknowns.elimination.order.size)
+    with np.errstate(all="ignore"):
+        factorise(unknowns.elimination, values, factor)
+    return factor
+
+
+def _solve(
+    values: np.ndarray, rows: np.ndarray, unknowns: Unknowns, first: int, factor: np.ndarray
+) -> np.ndarray:
+    """The free unknowns by the sparse ``factor``, or, where joints are redundant, by least squares;
     multipliers begin at the flat unknown ``first``.
     """
-    x = solve_sparse(values, rows, unknowns)
+    x = solve_sparse(values, rows, unknowns, factor)
     if x is not None:
         return x
     size = unknowns.free.size
@@ -261,16 +276,17 @@ def _solve_relaxed(
     return x
 
 
-def solve_sparse(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray | None:
+def solve_sparse(
+    values: np.ndarray, rows: np.ndarray, unknowns: Unknowns, factor: np.ndarray | None = None
+) -> np.ndarray | None:
     """The free unknowns (f,) by the sparse factors, or None if the matrix is (nearly) singular."""
     order = unknowns.elimination.order
-    factor = new_factor(unknowns.elimination)
+    factor = factor_at_rest(values, unknowns) if factor is None else factor
     solution, left, y = np.zeros_like(rows), np.zeros_like(rows), rows[order]
     wanted = rows[unknowns.free]
-    factorise, solve = (by_size(k, order.size) for k in (sparse_lu.factor, sparse_lu.solve))
+    solve = by_size(sparse_lu.solve, order.size)
     largest = np.abs(wanted).max(initial=0.0)
     with np.errstate(all="ignore"):
-        factorise(unknowns.elimination, values, factor)
         solve(unknowns.elimination, factor, y)
         solution[order] = y
         for _ in range(REFINEMENTS):

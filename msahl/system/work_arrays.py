@@ -14,8 +14,9 @@ from msahl.jit.storage import Storage
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
-PLAIN_CALLS = 2000
-"""Calls of kernels that stay plain Python: those of a hundred events."""
+PLAIN_CALLS = 100
+"""Calls of kernels that stay plain Python: those of four events. To load their code takes a tenth
+of a second, which plain Python needs for some ten events of one body, or for one of ten bodies."""
 
 
 class WorkArrays(NamedTuple):

@@ -1,0 +1,1 @@
+"""Scenes with contact: error against seconds of msahl, Exudyn, MuJoCo and Drake."""
