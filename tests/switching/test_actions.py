@@ -252,3 +252,13 @@ def test_values_are_those_before_the_event():
     w = (0.02 * 10.0 + 0.1) / 0.05
     assert sink.table("states")[-1, [12, 24]] == pytest.approx([w, w], abs=EXACT)
     assert rows[1][4] == pytest.approx(w, abs=EXACT)
+
+
+@pytest.mark.parametrize("text", ["1/Axle.angleRate", "sqrt(-1 - T)"])
+def test_a_value_that_is_no_number_ends_the_run(text):
+    model = wheel(event("Kick", "t >= 0.5", impulses=(along("Axle", text),)))
+    report, sink, rows = run_events(model, "gauss2", 0.01)
+    assert not len(rows)
+    assert report.status == "not converged"
+    assert "event 'Kick' has a value that is not a finite number" in report.message
+    assert np.isfinite(sink.table("states")).all()
