@@ -161,13 +161,12 @@ def _without_collector() -> Iterator[None]:
 
 def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Parameter]) -> Model:
     """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
-    unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
     released = frozenset(map(text, root.iterfind("system/events/released")))
     context = Context(project=assembly.position == "project", released=released)
-    reader = Reader(unit_system, faults, context, parameters)
+    reader = Reader(_unit_system(root), faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
@@ -183,9 +182,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     run = _simulation(root, reader)
     check_speeds(sound["motions"], motions, run, reader)
     contacts = tuple(read_contacts(sound["contacts"], reader))
-    loads = tuple(_read_loads(sound["loads"], reader))
-    reader.context.states.update((s.name, None) for s in signals if isinstance(s, SignalState))
-    reader.context.loads.update((load.name, load) for load in loads)
+    loads = _settable(signals, _read_loads(sound["loads"], reader), reader)
     events = _read_events(sound["events"], root, contacts, reader)
     return Model(
         gravity=_gravity(root, reader),
@@ -212,6 +209,10 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         beam_shapes=tuple(built.shape for built in beams if built.shape is not None),
         places=_places(root, faults),
     )
+
+
+def _unit_system(root: Element) -> str:
+    return "US" if text(root.find("unitSystem")) == "US" else "SI"
 
 
 def _places(root: Element, faults: Faults) -> dict[str, str]:
@@ -333,6 +334,17 @@ def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
     for name, message in circle_findings({signal.name: signal for signal in signals}):
         reader.faults.add(by_name[name], message)
     return tuple(signals)
+
+
+def _settable(
+    signals: Iterable[AnySignal], given: Iterable[Load], reader: Reader
+) -> tuple[Load, ...]:
+    """Return the loads, and make them and the states known: events may set them."""
+    loads = tuple(given)
+    states = (signal.name for signal in signals if isinstance(signal, SignalState))
+    reader.context.states.update(dict.fromkeys(states))
+    reader.context.loads.update((load.name, load) for load in loads)
+    return loads
 
 
 def _read_events(

@@ -168,6 +168,12 @@ class Switching:
     def _happen(self, event: Event, k: int) -> None:
         """Release, engage, set and push what the ``event`` of number ``k`` says."""
         values = self.actions.values(k, self._unknowns_of_steps)
+        if not np.isfinite(values).all():
+            t = float(self.state.time[0])
+            raise EventImpossible(
+                f"at t = {t:.9g} s event '{event.name}' has a value that is not a finite number: "
+                f"{', '.join(f'{value:g}' for value in values)}; look at its <set> and <impulse>"
+            )
         for name in event.releases:
             self._switch(event, name, engage=False)
         before, engaged = energy(self.system, self.state, self.work_arrays), []

@@ -68,7 +68,7 @@ def test_a_wheel_without_rim_walks_down_a_slope(tmp_path):
     q = (0.4 + 2.0 * np.cos(2.0 * a)) / inertia
     impacts = run.events[run.events.kind == "impact"]
     assert impacts.element.tolist() == [f"Foot{k}" for k in range(2, len(impacts) + 2)]
-    # The chord between two tips turns about the foot that stands.
+    # The chord between two tips rotates about the foot that stands.
     squares = (impacts.gapSpeedBefore.to_numpy() / (2.0 * np.sin(a))) ** 2
     first = 1.44 + 4.0 * G * (np.cos(slope) - np.cos(a + slope)) / inertia
     assert squares[0] == pytest.approx(first, abs=1e-9)

@@ -139,7 +139,7 @@ def test_numbers_are_set_and_set_back():
 @pytest.mark.parametrize(("scheme", "dt", "tolerance"), SCHEMES)
 @pytest.mark.parametrize("changes_velocity", [False, True])
 def test_an_impulse_along_a_joint(changes_velocity, scheme, dt, tolerance):
-    """By 0.1 N m s, or by what changes the rate by 5 rad/s, the wheel turns at 5 rad/s."""
+    """By 0.1 N m s, or by what changes the rate by 5 rad/s, the wheel has 5 rad/s."""
     text = "5" if changes_velocity else "0.1"
     push = along("Axle", text, changes_velocity=changes_velocity)
     report, sink, (row,) = run_events(
@@ -166,8 +166,10 @@ def test_an_impulse_at_a_marker_of_a_free_body(direction, basis, scheme):
         events=(event("Kick", "t >= 0.25", impulses=(push,)),),
     )
     report, sink, (row,) = run_events(model, scheme, 0.01, 0.25 + SOON)
-    turn = 0.5  # the rod rotates about z evenly until then
-    R = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1.0]])
+    angle = 0.5  # the rod rotates about z evenly until then
+    R = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]]
+    )
     size = L * np.array(direction) / np.linalg.norm(direction)
     inertial = R @ size if basis == "Rod" else size
     w = np.array([0.0, 0.0, 2.0]) + np.cross(r, R.T @ inertial) / J
@@ -250,3 +252,13 @@ def test_values_are_those_before_the_event():
     w = (0.02 * 10.0 + 0.1) / 0.05
     assert sink.table("states")[-1, [12, 24]] == pytest.approx([w, w], abs=EXACT)
     assert rows[1][4] == pytest.approx(w, abs=EXACT)
+
+
+@pytest.mark.parametrize("text", ["1/Axle.angleRate", "sqrt(-1 - T)"])
+def test_a_value_that_is_no_number_ends_the_run(text):
+    model = wheel(event("Kick", "t >= 0.5", impulses=(along("Axle", text),)))
+    report, sink, rows = run_events(model, "gauss2", 0.01)
+    assert not len(rows)
+    assert report.status == "not converged"
+    assert "event 'Kick' has a value that is not a finite number" in report.message
+    assert np.isfinite(sink.table("states")).all()

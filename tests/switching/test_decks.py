@@ -318,7 +318,7 @@ def test_the_grip_of_a_bat_feels_nothing(tmp_path):
     assert row["gapSpeedAfter"] == pytest.approx(2.0 / 3.0, abs=1e-14)
     assert row["energyLost"] == pytest.approx(-0.1, abs=1e-14)
     after = run.markers[run.markers.time > 0.505]
-    turned = after.time - 0.5  # from where the grip rests, the bat rolls on a line through it
-    assert after["Grip.vx"].to_numpy() == pytest.approx(0.5 * np.sin(turned), abs=1e-12)
-    assert after["Grip.vy"].to_numpy() == pytest.approx(0.5 - 0.5 * np.cos(turned), abs=1e-12)
+    angle = after.time - 0.5  # from where the grip rests, the bat rolls on a line through it
+    assert after["Grip.vx"].to_numpy() == pytest.approx(0.5 * np.sin(angle), abs=1e-12)
+    assert after["Grip.vy"].to_numpy() == pytest.approx(0.5 - 0.5 * np.cos(angle), abs=1e-12)
     assert run.states["Bat.wz"].iloc[-1] == pytest.approx(1.0, abs=1e-12)
