@@ -26,7 +26,7 @@ import numpy as np
 
 from msahl.algebra.vector import copy
 from msahl.events import margins
-from msahl.events.margins import CONTACT, END, FORCE, FRICTION, REACTING, Margins
+from msahl.events.margins import END, FORCE, FRICTION, REACTING, Margins
 from msahl.expressions.tape import FREE
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, optional, unit
@@ -506,8 +506,8 @@ def save_event(detector: Detector, level: int, before: float, after: float) -> N
     rate = rise / (right - left)
     figures[AFTER] = t + h * last
     tau = after - beyond / rate if rate != 0.0 else after
-    if detector.margins.action[k] == CONTACT and beyond * (detector.value[0, k] - edge) > 0.0:
-        tau = 0.0  # it has jumped there: the motion goes on from where a load or curvature jumps
+    if tau > after + SLOPE:
+        tau = after  # it has jumped there, where a load or a curvature jumps
     figures[GUESS] = t + h * min(max(tau, SOON), 1.0)
     figures[LEVEL], figures[RATE] = edge, rate / h
     early = probe(detector, level, k, EARLY * after) - edge
