@@ -30,6 +30,8 @@ NEAR = 2.0
 COARSEST_ACCURACY = 0.1
 MOST_RUNGS = 8
 """Up which a code is taken at once: a step 16 times finer."""
+MOST_FAILED = 4
+"""Runs that may fail before one has succeeded: each is finer, and takes longer to fail."""
 SHORT, UP_A_DECADE = 10, 4
 """Bodies beyond which the ladder is entered further up, by so many rungs for ten times as many:
 steps four times smaller, as the fastest motions of a chain are faster by about this factor.
@@ -203,6 +205,9 @@ def trace(problem: Problem, code: Code, exact: np.ndarray, longest: float, budge
                 curve.stopped = f"{_spent(curve):.2g} s were spent on its runs"
                 return curve
             curve.points[rung] = _measured(curve, rung, exact)
+            if len(curve.points) >= MOST_FAILED and not _finite(curve):
+                curve.stopped = f"none of {MOST_FAILED} runs succeeds"
+                return curve
     return curve
 
 

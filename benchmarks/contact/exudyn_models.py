@@ -69,6 +69,8 @@ SETTINGS = {
     for code, v in VARIANTS.items()
 }
 TOLERANCE = 1e-7
+SEVERAL = 4
+"""Contacts with friction from which steps are not adaptive."""
 PARTS = 16
 """Smallest step of adaptive ones: the given one over this."""
 EARTH = 1e6
@@ -83,9 +85,12 @@ LEAST_FRICTION = 1e-3
 
 def cannot(model: Model, variant: str) -> str:
     """Return why Exudyn cannot take the model by this solver, empty if it can."""
-    joints = bool(model.joints)
-    explicit = VARIANTS[variant].solver in _EXPLICIT
-    return "explicit solvers take no joints between bodies" if joints and explicit else ""
+    chosen, rough = VARIANTS[variant], [pair for pair in pairs(model) if pair.friction]
+    if model.joints and chosen.solver in _EXPLICIT:
+        return "explicit solvers take no joints between bodies"
+    if chosen.adaptive and len(rough) >= SEVERAL:
+        return "adaptive steps become ever smaller where several contacts stick: 217 s for one run"
+    return ""
 
 
 def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> Motion:
