@@ -31,6 +31,13 @@ from msahl.jit.lanes import load, spread, store
 @unit
 def set_factors(tree: Tree, motion: TreeMotion) -> None:
     """Set ``motion.mass`` to the factors of the mass matrix, after ``set_places``."""
+    set_matrix(tree, motion)
+    factor(tree, motion.mass)
+
+
+@unit
+def set_matrix(tree: Tree, motion: TreeMotion) -> None:
+    """Set ``motion.mass`` to the mass matrix itself."""
     for b in range(1, tree.frame.size):
         _set_inertia(tree, motion, b)
     for b in range(tree.frame.size - 1, 0, -1):
@@ -43,7 +50,6 @@ def set_factors(tree: Tree, motion: TreeMotion) -> None:
                     row,
                     load(motion.composite, row) + load(motion.composite, 10 * b + i),
                 )
-    _factor(tree, motion.mass)
 
 
 @kernel
@@ -87,7 +93,7 @@ def _enter(tree: Tree, motion: TreeMotion, b: int) -> None:
 
 
 @kernel
-def _factor(tree: Tree, M: np.ndarray) -> None:
+def factor(tree: Tree, M: np.ndarray) -> None:
     """Replace the entries by those of the factors: 1/D on the diagonal, L beside it."""
     for k in range(tree.body.size - 1, -1, -1):
         inverse = 1.0 / load(M, tree.row[k])

@@ -29,6 +29,7 @@ from msahl.formulations.absolute.frames import (
 from msahl.jit.kernel import apart, kernel, optional
 from msahl.jit.lanes import LANES
 from msahl.ports import forces
+from msahl.schemes.collocation.tree import slopes
 from msahl.schemes.collocation.tree.stages import LoadNode, TreeStages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
@@ -57,6 +58,14 @@ def set_loads(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: fl
     for row in range(tree.motion.load.shape[0]):
         for i in range(tree.nodes.shape[0], LANES):
             tree.motion.load[row, i] = tree.motion.load[row, i - 1]
+
+
+@kernel
+def set_slopes(tree: TreeStages, stages: StageArrays) -> None:
+    """Set the slopes of the loads to those at the last node, after ``set_loads``."""
+    last, node = tree.nodes.shape[0] - 1, tree.node
+    given = node.system, node.start.forces, stages.reaction[last], last
+    slopes.differentiate(tree.slopes, tree.tree, tree.motion, *given)
 
 
 @optional()

@@ -54,13 +54,20 @@ from msahl.formulations.absolute.frames import Frames, restrict
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.jit.kernel import kernel, optional, unit
 from msahl.jit.lanes import LANES, load, spread, store
-from msahl.schemes.collocation.tree import loop_end, loop_matrix, loops
-from msahl.schemes.collocation.tree.loads import begin_loads, body_motion, set_loads, states_exist
+from msahl.schemes.collocation.tree import loop_end, loop_matrix, loops, slopes
+from msahl.schemes.collocation.tree.loads import (
+    begin_loads,
+    body_motion,
+    set_loads,
+    set_slopes,
+    states_exist,
+)
 from msahl.schemes.collocation.tree.predictor import predict, save_rates
 from msahl.schemes.collocation.tree.stages import (
     ABSOLUTE,
     CONTRACTION,
     FROM_TREE,
+    IDLE,
     ITERATIONS,
     LONGEST_REST,
     REST,
@@ -82,10 +89,9 @@ all steps. With 1e-14 the energy of a pendulum drifts by 3e-15 of itself in a st
 WORK_TARGET = 1e-12
 """Largest last correction where loads do work, which is evaluated before it: work changes with the
 velocities themselves, momenta with the time step times these."""
-MAX_ITERATIONS, MAX_LOADED = 18, 10
-"""Iterations, and those of systems with loads, which take longer, after which a step is left to
-Newton's method. That takes one or two, and as long as some 20 and 10 of these: see
-``stepper.work_of``."""
+MAX_ITERATIONS = 18
+"""Iterations after which a step is left to Newton's method. That takes one or two, and as long as
+some 20 of these: see ``stepper.work_of``."""
 CAUTION, FORGETTING = 4.0, 1.2
 """Factor of the contraction measured in an earlier step, with which a first correction is judged,
 and its growth by every step that did not measure it."""
@@ -119,28 +125,48 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     motion = tree.motion
     recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
     loops.begin(tree.loops, tree.tree, motion, workspace, stages, h)
+    if tree.tree.bare:
+        return iterate(tree, workspace, stages, h, False)
+    begin_loads(workspace, stages, h)
+    renewed = is_slow(tree.figures)
+    residual = iterate(tree, workspace, stages, h, renewed)
+    if not residual <= TOLERANCE and not renewed and tree.figures[IDLE] <= 0.0:
+        renewed, residual = True, iterate(tree, workspace, stages, h, True)
+    if renewed:
+        tree.figures[IDLE] = IDLE_STEPS if tree.figures[CONTRACTION] > SLOW else 0.0
+    return residual
+
+
+@kernel
+def is_slow(figures: np.ndarray) -> bool:
+    """Whether the last steps call for other slopes of the loads."""
+    if figures[IDLE] > 0.0:
+        figures[IDLE] -= 1.0
+        return False
+    return bool(figures[CONTRACTION] > SLOW)
+
+
+SLOW, IDLE_STEPS = 0.03, 20.0
+"""Contraction from which slopes of the loads are set anew, and for how many steps they are not
+where that was of no use."""
+
+
+@unit
+def iterate(
+    tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float, renews: bool
+) -> float:
+    """Iterate from the prediction, with new slopes of the loads if it ``renews`` them; return the
+    relative residual, inf if there is none.
+    """
     follows = predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
     loops.predict(tree.loops, workspace, stages, follows, h)
-    if not tree.tree.bare:
-        begin_loads(workspace, stages, h)
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
-    iterations = MAX_ITERATIONS if tree.tree.bare else MAX_LOADED
     tree.figures[STEPS] += 1.0
     workspace.counts[1] += 1
-    for iteration in range(iterations):
-        loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
-        if not set_coordinates(tree, h):
+    for iteration in range(MAX_ITERATIONS):
+        factors = before > FAR and iteration <= MOST_RENEWALS
+        if not set_nodes(tree, workspace, stages, h, renews and iteration == 0, factors):
             return math.inf
-        recursion.set_places(tree.tree, motion)
-        recursion.set_twists(tree.tree, motion)
-        if before > FAR and iteration <= MOST_RENEWALS:
-            mass_matrix.set_factors(tree.tree, motion)
-            loop_matrix.set_factors(tree.loops, tree.tree, motion)
-        if not tree.tree.bare:
-            set_loads(tree, workspace, stages, h)
-            if not states_exist(workspace.system.forces.signals, stages.signals):
-                return math.inf
-        recursion.set_momenta(tree.tree, motion)
         residual = correct(tree, stages.tableau.force_weight, h)
         workspace.counts[0] += 1
         tree.figures[ITERATIONS] += 1.0
@@ -152,10 +178,51 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             return left if loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
             return left if loops.holds(tree.loops, tree.tree) else math.inf
-        if iteration > MOST_RENEWALS and is_hopeless(residual, ratio, iterations - 1 - iteration):
+        if iteration > MOST_RENEWALS and is_hopeless(residual, ratio, iteration):
             return math.inf
         before = residual
     return math.inf
+
+
+@unit
+def set_nodes(
+    tree: TreeStages,
+    workspace: Workspace,
+    stages: StageArrays,
+    h: float,
+    slopes_too: bool,
+    factors_too: bool,
+) -> bool:
+    """Set motion, loads and momenta at all nodes by the rates, with the slopes of the loads and the
+    factors if these are wanted; return whether all that exists.
+    """
+    motion = tree.motion
+    loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
+    if not set_coordinates(tree, h):
+        return False
+    recursion.set_places(tree.tree, motion)
+    recursion.set_twists(tree.tree, motion)
+    if not tree.tree.bare:
+        set_loads(tree, workspace, stages, h)
+        if not states_exist(workspace.system.forces.signals, stages.signals):
+            return False
+        if slopes_too:
+            set_slopes(tree, stages)
+    if factors_too:
+        set_factors(tree, h)
+    recursion.set_momenta(tree.tree, motion)
+    return True
+
+
+@unit
+def set_factors(tree: TreeStages, h: float) -> None:
+    """Set the factors of the matrices that make corrections of residuals."""
+    motion = tree.motion
+    mass_matrix.set_matrix(tree.tree, motion)
+    if not tree.tree.bare:
+        slopes.add_to(tree.slopes, motion.mass, h)
+    mass_matrix.factor(tree.tree, motion.mass)
+    loop_matrix.set_factors(tree.loops, tree.tree, motion)
 
 
 @kernel
@@ -186,10 +253,11 @@ the first ones contain parts that vanish at once, or grow before they fall."""
 
 
 @kernel
-def is_hopeless(residual: float, ratio: float, left: int) -> bool:
-    """Whether ``left`` further iterations will not do, by the ``ratio`` of the last corrections."""
+def is_hopeless(residual: float, ratio: float, iteration: int) -> bool:
+    """Whether the further iterations will not do, by the ``ratio`` of the last corrections."""
     if not ratio < 1.0:
         return not (ratio < GROWTH and residual < SMALL)
+    left = MAX_ITERATIONS - 1 - iteration
     return residual * ratio ** (SLOWER * left) > TARGET
 
 
