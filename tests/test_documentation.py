@@ -152,7 +152,8 @@ def test_options_in_the_documentation_exist():
             group,
             *(group.get_command(context, n) for n in group.list_commands(context)),
         ]:
-            for parameter in command.params:
+            parts = command.commands.values() if isinstance(command, click.Group) else ()
+            for parameter in (p for one in (command, *parts) for p in one.params):
                 known.update(parameter.opts)
     for page in PAGES:
         text = page.read_text()

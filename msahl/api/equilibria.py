@@ -9,6 +9,7 @@ import numpy as np
 from msahl.analysis.equilibria.begin import deck_at
 from msahl.analysis.equilibria.equilibrium import Solution, search_start
 from msahl.analysis.equilibria.search import all_equilibria, find
+from msahl.analysis.equilibria.slipping import none_found
 from msahl.analysis.equilibria.stability import stability
 from msahl.analysis.equilibria.tables import tables
 from msahl.analysis.linearised.point import Point
@@ -104,10 +105,11 @@ def equilibrium_of(job: Job, rotation: Sequence[float], load: Load) -> Equilibri
     start = search_start(job.model)
     found = find(start, np.array(rotation, dtype=float))
     if found is None:
-        raise StartError(
-            "no equilibrium was found from where the deck has the bodies; place them nearer to "
-            "one, or search from more configurations by equilibria(starts=...)"
+        otherwise = (
+            "from where the deck has the bodies; place them nearer to one, or search from more "
+            "configurations by equilibria(starts=...)"
         )
+        raise StartError(none_found(start, otherwise))
     return Equilibrium(job, start, found, load)
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from msahl.algebra.vector import axpy, dot, sub
+from msahl.algebra.vector import Vector, axpy, cross, dot, sub
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
@@ -11,6 +11,7 @@ from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
 from msahl.laws.restitution import LEAST_RESTITUTION
 from msahl.model.contacts import (
+    BoxContact,
     Compliance,
     Contact,
     ContactSide,
@@ -23,6 +24,11 @@ from msahl.model.contacts import (
 )
 
 LARGEST_EXPONENT = 10.0
+_COINCIDE = "its points coincide at t = 0, which leaves it without a direction"
+_FLAT = (
+    "it is along the plane's normal at t = 0: a disk that lies flat has no lowest point; tilt it, "
+    "or give points of its rim or the corners of a <box> instead"
+)
 OVERLAP = 1e-9
 """Overlap at t = 0, over the size of what touches, that is that of the digits a deck omits."""
 
@@ -42,11 +48,44 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         yield from negative("radius", contact.radius)
         if abs(math.hypot(*contact.normal) - 1.0) > PARALLEL:
             yield Finding("normal", "it is no unit vector; divide it by its length")
-        yield from _friction_findings(contact, context)
+        if contact.axis is not None:
+            yield from _rim_findings(contact, contact.axis, context)
+        yield from _friction_findings(contact)
     elif isinstance(contact, SphereContact):
         yield from _radius_findings(contact)
+        yield from _friction_findings(contact)
+    elif isinstance(contact, BoxContact):
+        yield from _box_findings(contact)
     else:
         yield from _range_findings(contact)
+
+
+def _rim_findings(contact: PlaneContact, axis: Vector, context: Context) -> Iterator[Finding]:
+    if abs(math.hypot(*axis) - 1.0) > PARALLEL:
+        yield Finding("axis", "it is no unit vector; divide it by its length")
+    if contact.radius == 0.0:
+        yield Finding("radius", "a disk has a radius; give it, or delete the child's <axis>")
+    moves = contact.parent in context.axes and contact.parent not in context.grounds
+    if contact.friction > 0.0 and moves:
+        message = (
+            f"a disk has friction on a plane of a ground only, and '{contact.parent}' is a body; "
+            "give the plane to a ground, or delete <friction>"
+        )
+        yield Finding("friction", message)
+
+
+def _box_findings(contact: BoxContact) -> Iterator[Finding]:
+    yield from negative("radius", contact.radius)
+    yield from negative("parentRadius", contact.parent_radius)
+    for tag, half in zip(("x", "y", "z"), contact.half, strict=True):
+        yield from negative(tag, 2.0 * half)
+    if not any(contact.half):
+        yield Finding("", "the parent has no size, so it is a sphere: use a sphereContact")
+    if contact.radius + contact.parent_radius == 0.0:
+        message = (
+            "it is zero, as parentRadius is: a point on a box with sharp edges has no direction "
+        )
+        yield Finding("radius", f"{message}of contact there; give one of them")
 
 
 def _radius_findings(contact: SphereContact) -> Iterator[Finding]:
@@ -87,22 +126,31 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
         yield Finding("restitution", message)
 
 
-def _friction_findings(contact: PlaneContact, context: Context) -> Iterator[Finding]:
+def _friction_findings(contact: PlaneContact | SphereContact) -> Iterator[Finding]:
     yield from negative("friction", contact.friction)
     friction, grip = friction_of(contact)
     if grip < friction:
         message = f"it is {grip:g}, and friction {friction:g}; it must not be less than friction"
         yield Finding("staticFriction", message)
-    if grip > 0.0 and contact.compliance is not None:
-        message = "compliant contacts have no friction; delete <friction>, or <stiffness>"
-        yield Finding("friction", message)
-    moves = contact.parent in context.axes and contact.parent not in context.grounds
-    if grip > 0.0 and contact.radius > 0.0 and moves:
+    if contact.compliance is not None:
+        yield from _compliant_friction_findings(contact, contact.compliance.friction_width)
+
+
+def _compliant_friction_findings(
+    contact: PlaneContact | SphereContact, width: float | None
+) -> Iterator[Finding]:
+    if width is not None and not width > 0.0:
+        yield Finding("frictionWidth", f"it is {width:g}; it must be greater than zero")
+    if contact.static_friction is not None:
+        message = "a compliant contact creeps instead of sticking; delete it, or <stiffness>"
+        yield Finding("staticFriction", message)
+    if contact.friction > 0.0 and width is None:
         message = (
-            f"a sphere has friction on a plane of a ground only, and '{contact.parent}' is a body; "
-            "give a point (no radius), or the plane to a ground"
+            "a compliant contact creeps where a rigid one sticks; add <frictionWidth>, the slip "
         )
-        yield Finding("friction", message)
+        yield Finding("friction", f"{message}at which three quarters of friction act")
+    if contact.friction == 0.0 and width is not None:
+        yield Finding("frictionWidth", "it is that of friction; add <friction>, or delete it")
 
 
 def _range_findings(contact: JointLimit | DistanceLimit) -> Iterator[Finding]:
@@ -127,14 +175,25 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
     here, there = points(contact, context)
     D = sub(there, here)
     if isinstance(contact, PlaneContact):
-        value = dot(D, context.rotated(contact.normal, contact.parent, INERTIAL))
+        normal = context.rotated(contact.normal, contact.parent, INERTIAL)
+        value = dot(D, normal)
+        if contact.axis is not None:
+            axis = context.rotated(contact.axis, contact.child, INERTIAL)
+            value -= contact.radius * math.sqrt(max(0.0, 1.0 - dot(axis, normal) ** 2))
+            if math.hypot(*cross(axis, normal)) < PARALLEL:
+                yield Finding("axis", _FLAT)
+                return
     else:
         if isinstance(contact, SphereContact) and contact.axis is not None:
             axis = context.rotated(contact.axis, contact.parent, INERTIAL)
             D = axpy(-dot(axis, D), axis, D)
+        if isinstance(contact, BoxContact):
+            own = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes)
+            pairs = zip(own, contact.half, strict=True)
+            D = tuple(max(abs(p) - half, 0.0) for p, half in pairs)  # type: ignore[assignment]
         value = math.hypot(*D)
         if value <= FIT * max(side.limit for side in sides_of(contact)):
-            yield Finding("", "its points coincide at t = 0, which leaves it without a direction")
+            yield Finding("", _COINCIDE)
             return
     if contact.compliance is not None:
         return  # it may begin with a depth
@@ -148,7 +207,7 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
 def _overlap(side: ContactSide, depth: float) -> str:
     if isinstance(side.contact, PlaneContact):
         return f"it is {depth:.4g} m below the plane at t = 0; move one of the bodies apart"
-    if isinstance(side.contact, SphereContact):
+    if isinstance(side.contact, SphereContact | BoxContact):
         return f"it overlaps by {depth:.4g} m at t = 0; move one of the bodies, or change a radius"
     end, way = ("lower", "below") if side.is_lower else ("upper", "above")
     return (

@@ -93,6 +93,7 @@ def _find(
     from msahl.analysis.equilibria.equilibrium import held_motions, search_start
     from msahl.analysis.equilibria.equilibrium_lines import lines
     from msahl.analysis.equilibria.search import all_equilibria, unresisted
+    from msahl.analysis.equilibria.slipping import slipping
 
     with computing(job.source.path, quiet):
         point = search_start(job.model)
@@ -102,7 +103,9 @@ def _find(
         remedy = "search from more with --starts, or start the deck nearer to one"
         if point.model.beams:
             remedy = f"follow the growing loads with --load-path 1, {remedy}"
-        if where:
+        if why := slipping(point):
+            remedy = why
+        elif where:
             remedy = f"nothing resists what acts on {where}; attach the body, or omit the load"
         stop(
             f"{shown_path(job.source.path)}: no equilibrium was found from "

@@ -64,6 +64,20 @@ AT = {"pose": "--at", "rates": "--rate"}
 )
 @click.option("--key", default="", metavar="NAME", help="Start at this keyframe of MJCF.")
 @click.option(
+    "--contacts",
+    type=click.Choice(("all", "limits", "none")),
+    default="all",
+    help="Make stops of the limits of joints and contacts of shapes with planes, stops alone, or "
+    "none of both (default: all).",
+)
+@click.option(
+    "--restitution",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.0,
+    metavar="E",
+    help="Set the coefficient of restitution of stops and contacts, from 0 to 1 (default: 0).",
+)
+@click.option(
     "--packages",
     multiple=True,
     metavar="DIR",

@@ -17,8 +17,8 @@ from msahl.terminal import Program
 from msahl.version import VERSION
 
 COMMANDS = (
-    "check", "compile", "equilibrium", "explain", "import", "inverse", "kinematics", "linearize",
-    "modes", "new", "run", "schema", "serve", "show", "study", "sweep",
+    "check", "compile", "equilibrium", "explain", "export", "import", "inverse", "kinematics",
+    "linearize", "modes", "new", "run", "schema", "serve", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module of ``msahl.cli`` of its name."""
 PYTHONS = ("import",)

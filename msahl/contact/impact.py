@@ -9,7 +9,7 @@ complete mechanism, joints included:
 
 With friction the impulses of each phase are in Coulomb's cone by the slip at its end
 (``contact.friction``), and v, W and L have the slips behind the gaps. Where poisson would gain
-energy so, e is reduced to where it gains none.
+energy so, or its expansion have no solution, e is reduced to where it gains none.
 
     stronge     of one contact, integrated in its normal impulse: while the slip s does not vanish,
                 ds/dL = (W_t n - mu W_t t s/|s|), then it sticks if mu allows, or slips on where it
@@ -75,21 +75,30 @@ def _with_friction(
 
 
 def _poisson(W: np.ndarray, v: np.ndarray, e: np.ndarray, cones: Cones) -> np.ndarray:
-    """Return the impulses (m,) by Poisson's law. Where friction would make it gain energy, all
-    coefficients of restitution are reduced to those by which it gains none.
+    """Return the impulses (m,) by Poisson's law. Where friction would make it gain energy, or its
+    expansion have no solution, all coefficients of restitution are reduced to those by which it
+    gains none.
     """
     compression, share = friction.solve(W, v, cones), np.array([0.0, 1.0])
     after, least = v + W @ compression, e * compression[cones.normal]
-    total = compression + friction.solve(W, after, cones._replace(least=least))
-    if _gain(W, v, total) <= ROUND_OFF * float(np.abs(total * v).sum()):
-        return total
+
+    def impulse(part: float, gained: float) -> np.ndarray | None:
+        """The impulse by a ``part`` of e; None if there is none, or it gains more than that."""
+        try:
+            total = compression + friction.solve(W, after, cones._replace(least=part * least))
+        except NoSolution:
+            return None
+        return total if _gain(W, v, total) <= gained * float(np.abs(total * v).sum()) else None
+
+    best = impulse(1.0, ROUND_OFF)
+    if best is not None:
+        return best
     best = compression
     for _ in range(BISECTIONS):
         middle = float(share.mean())
-        found = friction.solve(W, after, cones._replace(least=middle * least))
-        gains = _gain(W, v, compression + found) > 0.0
-        share[int(gains)] = middle
-        best = best if gains else compression + found
+        found = impulse(middle, 0.0)
+        share[int(found is None)] = middle
+        best = best if found is None else found
     return best
 
 

@@ -16,18 +16,18 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import at
-from msahl.elements.constraints import scalar
+from msahl.elements.constraints import scalar, surfaces
 from msahl.formulations.absolute.frames import (
     first_multiplier,
     moving_count,
     rotation_increment,
 )
-from msahl.start.velocities import solve_at_rest
+from msahl.start.velocities import add_to_velocities, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
 from msahl.system.contacts import Contacts, set_closed, set_sticking
 from msahl.system.unknowns import Unknowns
-from msahl.system.work_arrays import WorkArrays, jacobian_at_rest
+from msahl.system.work_arrays import WorkArrays, rigid_at_rest
 
 
 class Response(NamedTuple):
@@ -72,7 +72,7 @@ def respond(
         group = system.forces.sliding
         assert group is not None
         set_sticking(system, np.isin(group.tangent[:, 0], row), nothing)
-    values = _without_relaxation(system, jacobian_at_rest(system, state, work_arrays))
+    values = rigid_at_rest(system, state, work_arrays)
     rows, nodes = system.scalar.equations, node_count(system)
     motion, gradient = np.zeros((2, row.size, nodes, 3))
     scale = sign / rows.scale[row]
@@ -100,20 +100,6 @@ def _directions(
         sign = np.concatenate([sign, np.ones(2 * rough.size)])
         column = np.concatenate([column, np.repeat(column[rough], 2)])
     return row, sign, tangent, column
-
-
-def _without_relaxation(system: System, values: np.ndarray) -> np.ndarray:
-    """Return the block ``values`` with joints that are not relaxed: impulses of contacts tell
-    directions along which bodies hardly move from those along which they cannot.
-    """
-    if not system.relaxation:
-        return values
-    row, column = system.blocks.T
-    own = np.flatnonzero((row == column) & (row >= first_multiplier(system.frames)))
-    exact = values.copy()
-    for i in range(3):
-        exact[9 * own + 4 * i] += system.relaxation
-    return exact
 
 
 def _lines(
@@ -144,6 +130,13 @@ def gaps(
     return value, contacts.sign * (value[q] - contacts.limit), rate
 
 
+def choose_tangents(system: System, work_arrays: WorkArrays) -> None:
+    """Take tangents of the contacts for an event, in the configuration of the last ``gaps``."""
+    assert system.scalar is not None
+    m = system.scalar.coordinates.products
+    surfaces.choose_axes(m.surfaces, m, work_arrays.start.scalar.coordinates.products)
+
+
 def accelerations(
     system: System,
     response: Response,
@@ -172,12 +165,9 @@ def push(
     """Change the velocities of ``state`` by the ``impulse`` (m,), whose work on prescribed motions
     is added; ``R`` (n+1, 3, 3) are the bodies' matrices of rotation.
     """
-    frames = system.frames
     change = np.einsum("k,kab->ab", impulse, response.motion)
-    state.v[:] += change[frames.displacement]
-    dW = change[frames.rotation] / frames.length[:, None]
-    state.w[:] += np.einsum("bji,bj->bi", R, dW)
-    scalar.motion_work(system.scalar, frames, state.time[0], 1.0, change, state.work)
+    add_to_velocities(system, state, change, R)
+    scalar.motion_work(system.scalar, system.frames, state.time[0], 1.0, change, state.work)
 
 
 def displace(system: System, response: Response, push: np.ndarray, state: State) -> None:

@@ -5,10 +5,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
-from msahl.algebra.vector import Vector, add
+from msahl.algebra.vector import Vector, add, axpy
 from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
+from msahl.check.directions import frame
+from msahl.check.ends import is_placed as is_placed_as
 from msahl.check.loads import UNIT_LENGTH
+from msahl.deck.contact_sets import CONTACT_SET, Touch, pairs_of
 from msahl.deck.ends import Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
 from msahl.deck.motions import UNIT
@@ -17,6 +20,7 @@ from msahl.deck.units import DEFAULTS, to_si
 from msahl.deck.values import Reader
 from msahl.model.contacts import (
     BetweenPoints,
+    BoxContact,
     Compliance,
     Contact,
     DistanceLimit,
@@ -25,12 +29,15 @@ from msahl.model.contacts import (
     SphereContact,
 )
 
-COMPLIANT = ("exponent", "impactSpeed")
+COMPLIANT = ("exponent", "impactSpeed", "frictionWidth")
 """Tags of what only compliant contacts have."""
 SPEED = {"angle": "angularVelocity", "slide": "velocity"}
 LOAD = {"angle": "moment", "slide": "force"}
 """Physical quantities along each coordinate."""
-CONTACTS = ("jointLimit", "distanceLimit", "planeContact", "sphereContact", "cylinderContact")
+CONTACTS = (
+    *("jointLimit", "distanceLimit", "planeContact"),
+    *("sphereContact", "cylinderContact", "boxContact"),
+)
 """Tags of contacts."""
 
 
@@ -38,7 +45,8 @@ def read_contacts(elements: Sequence[Element], reader: Reader) -> Iterator[Conta
     """Yield the records of contacts of any kind; a box or a capsule has several."""
     names = {text(element.find("name")) for element in elements}
     for element in elements:
-        for contact in _read_contact(element, reader):
+        read = _read_set if element.tag == CONTACT_SET else _read_contact
+        for contact in read(element, reader):
             if contact.name != text(element.find("name")) and contact.name in names:
                 message = (
                     f"its part '{contact.name}' has the name of another contact; choose another"
@@ -49,7 +57,24 @@ def read_contacts(elements: Sequence[Element], reader: Reader) -> Iterator[Conta
 
 def is_switchable(element: Element) -> bool:
     """Return whether events may name an element: it is no force, and has no parts."""
-    return not any(element.find(tag) is not None for tag in ("stiffness", "capsuleEnd", "box"))
+    many = ("capsuleEnd", "box", "length") if element.tag == "planeContact" else ()
+    if element.tag == CONTACT_SET:
+        return False
+    return not any(element.find(tag) is not None for tag in ("stiffness", *many))
+
+
+def _read_set(element: Element, reader: Reader) -> Iterator[Contact]:
+    """Yield the contacts of a set; the first one stands for what all of them have."""
+    restitution, compliance = _law(element, "slide", reader)
+    touch = Touch(restitution, compliance, *_friction(element, reader))
+    for k, (place, contact) in enumerate(pairs_of(element, touch, reader)):
+        if k == 0:
+            reader.add(element, contact_findings(contact, reader.context))
+        assert not isinstance(contact, JointLimit)
+        if is_placed_as(contact, reader.context) and reader.faults.sound(element):
+            for part, message in overlap_findings(contact, reader.context):
+                reader.faults.add(place, f"{contact.name}: {part}{message}")
+        yield contact
 
 
 def _read_contact(element: Element, reader: Reader) -> list[Contact]:
@@ -60,7 +85,8 @@ def _read_contact(element: Element, reader: Reader) -> list[Contact]:
     ends = read_ends(element, reader)
     contact = _between_points(element, ends, reader)
     reader.add(element, contact_findings(contact, reader.context))
-    points = _points(element, ends, reader)
+    is_plane = isinstance(contact, PlaneContact)
+    points = _points(element, ends, contact, reader) if is_plane else []
     parts: list[Contact] = [contact]
     if points:
         parts = [
@@ -73,10 +99,13 @@ def _read_contact(element: Element, reader: Reader) -> list[Contact]:
     return parts
 
 
-def _points(element: Element, ends: Ends, reader: Reader) -> list[Vector]:
-    """Return the points of a capsule's ends or of a box's corners, child's axes [m]; none of a
-    sphere.
+def _points(element: Element, ends: Ends, contact: BetweenPoints, reader: Reader) -> list[Vector]:
+    """Return the points of a capsule's ends, of a box's corners or of the centres of a cylinder's
+    ends, child's axes [m]; none of a sphere or a disk.
     """
+    length = element.find("length")
+    if length is not None:
+        return _ends_of_cylinder(length, contact, reader)
     other, box = element.find("capsuleEnd"), element.find("box")
     if other is not None and box is not None:
         reader.faults.add(box, "it is a capsule as well by <capsuleEnd>; delete one of them")
@@ -84,12 +113,29 @@ def _points(element: Element, ends: Ends, reader: Reader) -> list[Vector]:
         return [ends.child_point, reader.vector(other, own=ends.child, wanted=ends.child)]
     if box is None:
         return []
-    sizes = reader.numbers(box, ("x", "y", "z"), "length")
+    sizes = _sizes(box, reader)
+    corners = product(*(sorted({-0.5 * size, 0.5 * size}) for size in sizes))
+    return [add(ends.child_point, (x, y, z)) for x, y, z in corners]
+
+
+def _sizes(box: Element, reader: Reader) -> list[float]:
+    """Return the sizes of a box [m]."""
+    sizes = [*reader.numbers(box, ("x", "y", "z"), "length")]
     for tag, size in zip(("x", "y", "z"), sizes, strict=True):
         if size < 0.0:
             reader.faults.add(box, f"{tag} is {size:g} m; it must not be less than zero")
-    corners = product(*(sorted({-0.5 * size, 0.5 * size}) for size in sizes))
-    return [add(ends.child_point, (x, y, z)) for x, y, z in corners]
+    return sizes
+
+
+def _ends_of_cylinder(element: Element, contact: BetweenPoints, reader: Reader) -> list[Vector]:
+    """Return the centres of both ends of a cylinder about the child's position, child's axes."""
+    half = 0.5 * reader.number(element, "length")
+    if not isinstance(contact, PlaneContact) or contact.axis is None:
+        reader.faults.add(element, "a cylinder has an axis; give the child an <axis>, or delete it")
+        return []
+    if half <= 0.0:
+        reader.faults.add(element, "it must be greater than zero; delete it for a disk")
+    return [axpy(sign * half, contact.axis, contact.child_point) for sign in (-1.0, 1.0)]
 
 
 def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoints:
@@ -98,19 +144,49 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
     if element.tag == "distanceLimit":
         return DistanceLimit(name, *points, *_range(element, "length", reader), *law)
     radius = reader.number(element.find("radius"), "length")
+    friction = _friction(element, reader)
     if element.tag == "planeContact":
         normal = _parents_direction(element, "normal", ends, reader)
-        friction = reader.number(element.find("friction"))
-        return PlaneContact(
-            *(name, *points, normal, radius, *law),
-            friction=friction,
-            static_friction=_number_or_none(element, "staticFriction", reader),
-        )
+        axis = _rim_axis(element, ends, reader)
+        return PlaneContact(name, *points, normal, radius, *law, *friction, axis)
+    parent_radius = reader.number(element.find("parentRadius"), "length")
+    if (box := element.find("box")) is not None:
+        x, y, z = (0.5 * size for size in _sizes(box, reader))
+        return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law)
     axis = None
     if element.tag == "cylinderContact":
         axis = _parents_direction(element, "axis", ends, reader)
-    parent_radius = reader.number(element.find("parentRadius"), "length")
-    return SphereContact(name, *points, parent_radius, radius, axis, *law)
+        if (length := element.find("length")) is not None:
+            _refuse_beside_length(element, parent_radius, reader)
+            half = (0.0, 0.0, 0.5 * reader.number(length, "length"))
+            return BoxContact(name, *points, half, parent_radius, radius, *law, frame(axis))
+    return SphereContact(name, *points, parent_radius, radius, axis, *law, *friction)
+
+
+def _rim_axis(element: Element, ends: Ends, reader: Reader) -> Vector | None:
+    """Return the axis of the child's disk, in the child's axes; None of a sphere."""
+    direction = side_direction(element, "child", "axis", reader)
+    if direction is None or not reader.is_known(ends.child):
+        return None
+    for tag in ("capsuleEnd", "box"):
+        other = element.find(tag)
+        if other is not None:
+            reader.faults.add(
+                other, "it is a disk as well by the child's <axis>; delete one of them"
+            )
+    return _own_direction(element, "child/axis", direction, ends.child, reader)
+
+
+def _refuse_beside_length(element: Element, parent_radius: float, reader: Reader) -> None:
+    """Add faults for what a cylinder that ends in half spheres cannot have."""
+    if parent_radius < 0.0:
+        message = "a hollow cylinder has no ends; delete <length>, or give a radius > 0"
+        reader.faults.add(element, message)
+    for tag in ("friction", "staticFriction"):
+        part = element.find(tag)
+        if part is not None:
+            message = "a cylinder with ends, a capsule, has no friction; delete it, or <length>"
+            reader.faults.add(part, message)
 
 
 def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -> Vector:
@@ -120,10 +196,19 @@ def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -
     direction = side_direction(element, "parent", tag, reader)
     if direction is None or not reader.is_known(ends.parent):
         return (0.0, 0.0, 1.0)
-    given = reader.vector(element.find(f"parent/{tag}"), own=ends.parent, wanted=ends.parent)
+    return _own_direction(element, f"parent/{tag}", direction, ends.parent, reader)
+
+
+def _own_direction(
+    element: Element, path: str, direction: Vector, body: str, reader: Reader
+) -> Vector:
+    """Return the unit vector ``direction`` (inertial axes) in the axes of ``body``, to the last
+    digit if it is given as such.
+    """
+    given = reader.vector(element.find(path), own=body, wanted=body)
     if abs(math.hypot(*given) - 1.0) <= UNIT_LENGTH:
         return given
-    return reader.context.rotated(direction, INERTIAL, ends.parent)
+    return reader.context.rotated(direction, INERTIAL, body)
 
 
 def _joint_limit(element: Element, reader: Reader) -> JointLimit:
@@ -157,6 +242,7 @@ def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Comp
         stiffness=_stiffness(stiffness, power, coordinate, reader),
         exponent=power,
         impact_speed=None if speed is None else reader.number(speed, SPEED[coordinate]),
+        friction_width=_number_or_none(element, "frictionWidth", reader, "velocity"),
     )
     return 1.0 if given is None else reader.number(given), compliance
 
@@ -177,9 +263,15 @@ def _stiffness(element: Element, power: float, coordinate: str, reader: Reader) 
     return reader.limited(element, value / to_si(1.0, base, along) ** power)
 
 
-def _number_or_none(element: Element, tag: str, reader: Reader) -> float | None:
+def _friction(element: Element, reader: Reader) -> tuple[float, float | None]:
+    """Return the coefficients of friction of a contact that slides and of one that sticks."""
+    grip = _number_or_none(element, "staticFriction", reader)
+    return reader.number(element.find("friction")), grip
+
+
+def _number_or_none(element: Element, tag: str, reader: Reader, quantity: str = "") -> float | None:
     part = element.find(tag)
-    return None if part is None else reader.number(part)
+    return None if part is None else reader.number(part, quantity)
 
 
 def _range(element: Element, quantity: str, reader: Reader) -> tuple[float | None, float | None]:

@@ -38,7 +38,7 @@ from msahl.model import (
     SphereContact,
     SpringDamper,
 )
-from msahl.model.contacts import BetweenPoints, Contact
+from msahl.model.contacts import BetweenPoints, BoxContact, Contact
 
 Sides = tuple[Matrix, Matrix]
 
@@ -167,12 +167,13 @@ def _range(element: Element, limit: JointLimit | DistanceLimit, quantity: str) -
 
 def _plane_contact(group: Element, contact: PlaneContact, context: Context) -> None:
     element = _named(group, "planeContact", contact.name)
-    parent, _ = _ends(element, contact, None)
+    parent, own = _ends(element, contact, None)
     vector(parent, "normal", contact.normal)
+    if contact.axis is not None:
+        vector(own, "axis", contact.axis)
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
-    number_unless(element, 0.0, "friction", contact.friction)
-    number(element, "staticFriction", contact.static_friction)
+    _friction(element, contact)
 
 
 def _sphere_contact(group: Element, contact: SphereContact, context: Context) -> None:
@@ -184,6 +185,28 @@ def _sphere_contact(group: Element, contact: SphereContact, context: Context) ->
     number(element, "parentRadius", contact.parent_radius, "length")
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
+    _friction(element, contact)
+
+
+def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
+    is_box = contact.axes == IDENTITY
+    element = _named(group, "boxContact" if is_box else "cylinderContact", contact.name)
+    parent, _ = _ends(element, contact, None)
+    if is_box:
+        box = child(element, "box")
+        for tag, half in zip(("x", "y", "z"), contact.half, strict=True):
+            number_unless(box, 0.0, tag, 2.0 * half, "length")
+    else:
+        vector(parent, "axis", contact.axes[2])
+        number(element, "length", 2.0 * contact.half[2], "length")
+    number(element, "parentRadius", contact.parent_radius, "length")
+    number_unless(element, 0.0, "radius", contact.radius, "length")
+    _contact_law(element, contact, "slide")
+
+
+def _friction(element: Element, contact: PlaneContact | SphereContact) -> None:
+    number_unless(element, 0.0, "friction", contact.friction)
+    number(element, "staticFriction", contact.static_friction)
 
 
 def _contact_law(element: Element, contact: Contact, coordinate: str) -> None:
@@ -196,6 +219,7 @@ def _contact_law(element: Element, contact: Contact, coordinate: str) -> None:
         number(element, "stiffness", law.stiffness, unit)
         number_unless(element, 1.0, "exponent", law.exponent)
         number(element, "impactSpeed", law.impact_speed, SPEED[coordinate])
+        number(element, "frictionWidth", law.friction_width, "velocity")
 
 
 def _concentrated(group: Element, load: ConcentratedLoad, context: Context) -> None:
@@ -310,6 +334,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     DistanceLimit: _distance_limit,
     PlaneContact: _plane_contact,
     SphereContact: _sphere_contact,
+    BoxContact: _box_contact,
     ConcentratedLoad: _concentrated,
     SpringDamper: _spring_damper,
     JointSpring: _joint_spring,

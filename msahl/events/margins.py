@@ -248,7 +248,7 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
     if group is None:
         return
     for k in range(group.row.size):
-        if group.friction[k] > 0.0:
+        if group.friction[k] != 0.0:
             yield Margin(FRICTION, k, CONTACT, direction=-1, near=float(group.still[k]))
         elif is_active(rows)[group.tangent[k]].any():
             yield Margin(FRICTION, k, CONTACT, direction=-1)

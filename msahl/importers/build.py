@@ -10,6 +10,7 @@ from msahl.algebra.vector import IDENTITY, ZERO, Matrix
 from msahl.check.directions import clean
 from msahl.deck.faults import Element
 from msahl.importers.bodies import Part, Parts, carrier, parts_of, tiny_inertia, without
+from msahl.importers.contacts import Candidate, candidates
 from msahl.importers.inertia import matrix
 from msahl.importers.joints import Ends, Start, groups, motion, placed, rigid
 from msahl.importers.loads import Along, Made, add_drive, add_forces, add_relation
@@ -28,10 +29,12 @@ FLOAT = "; --base free lets its base move"
 
 class Built(NamedTuple):
     """A model whose bodies stand at the inertial origin unless they are free, and the ``starts`` of
-    its joints by name, which place them."""
+    its joints by name, which place them; ``candidates`` are contacts that it may have where they
+    do not overlap then."""
 
     model: Model
     starts: dict[str, Start]
+    candidates: list[Candidate]
 
 
 def build(robot: Robot, options: ImportOptions, log: Log) -> Built:
@@ -68,7 +71,7 @@ def build(robot: Robot, options: ImportOptions, log: Log) -> Built:
         signals=tuple(made.signals),
         shapes=tuple(shape for part in parts.bodies.values() for shape in _shapes(part)),
     )
-    return Built(model, made.starts)
+    return Built(model, made.starts, candidates(robot, parts, made, options.restitution))
 
 
 def root_of(robot: Robot) -> Element:

@@ -61,10 +61,12 @@ def groups(axes: Sequence[Axis]) -> list[list[Axis]]:
 
 
 def _planar(axes: Sequence[Axis]) -> bool:
-    """Return whether two slides and a hinge make up a planar joint without loads along it."""
+    """Return whether two slides and a hinge make up a planar joint without loads and stops."""
     if [axis.kind for axis in axes] != ["slide", "slide", "hinge"]:
         return False
-    loads = any(a.damping or a.stiffness or a.friction or a.armature for a in axes)
+    loads = any(
+        a.damping or a.stiffness or a.friction or a.armature or a.limit is not None for a in axes
+    )
     a, b, c = (axis.axis for axis in axes)
     good = max(abs(a @ b), abs(b @ c), abs(a @ c)) < PARALLEL
     return good and not loads and not any(axis.driven for axis in axes)

@@ -12,6 +12,7 @@ from msahl.importers.build import world_pose
 from msahl.importers.meshes import MeshFiles
 from msahl.importers.mjcf_actuators import read_actuators
 from msahl.importers.mjcf_bodies import WORLD, Tree, read_world
+from msahl.importers.mjcf_contacts import read_contacts
 from msahl.importers.mjcf_files import merge_includes
 from msahl.importers.mjcf_geoms import Geoms
 from msahl.importers.mjcf_joints import COORDINATES, set_coordinates
@@ -21,7 +22,8 @@ from msahl.importers.reading import Log, number, numbers
 from msahl.importers.robot import HERE, Closure, Inertia, Pose, Relation, Robot
 
 READ = (
-    "compiler", "option", "default", "asset", "worldbody", "equality", "actuator", "keyframe",
+    "compiler", "option", "default", "asset", "worldbody", "contact", "equality", "actuator",
+    "keyframe",
 )  # fmt: skip
 OF_MUJOCO = ("size", "visual", "statistic")
 """Sections about MuJoCo itself and its views."""
@@ -33,6 +35,8 @@ COMPILER = (
     "fitaabb", "alignfree", "saveinertial", "exactmeshinertia",
 )  # fmt: skip
 EXACT = "MuJoCo's equality is soft; here it is exact"
+FLAGS = ("equality", "frictionloss", "passive", "spring", "damper", "actuation", "clampctrl")
+"""What MuJoCo can switch off and msahl takes as the elements say."""
 FORCES = ("wind", "density", "viscosity")
 """Options of forces of a fluid."""
 
@@ -55,6 +59,8 @@ def read_mjcf(
     name = attribute(root, "model", "MuJoCo Model")
     robot = Robot(name, tree.links, _gravity(root, log))
     _read_equalities(root, tree, robot, log)
+    _disable_limits(root, tree)
+    robot.touches = read_contacts(root, tree.solids, tree.links, settings, log)
     robot.drives = read_actuators(root, settings, tree.axes, log)
     _set_keyframe(root, robot, tree, options, log)
     log.raise_if_any()
@@ -77,6 +83,13 @@ def _note_sections(root: Element, log: Log) -> None:
         for name in map(str, compiler.attrib):
             if name not in COMPILER:
                 log.lost(compiler, f"its {name}")
+    for element in root.iterfind("contact/*"):
+        if element.tag not in ("pair", "exclude"):
+            log.lost(element, "msahl has no such element")
+    for flag in root.iterfind("option/flag"):
+        for name in FLAGS:
+            if flag.get(name) == "disable":
+                log.lost(flag, f"it disables {name}, which acts here")
     for option in root.iterfind("option"):
         forces = [n for n in FORCES if any(several(option, n, log, 3))]
         if forces:
@@ -91,6 +104,14 @@ def _gravity(root: Element, log: Log) -> tuple[float, float, float]:
         if flag.get("gravity") == "disable":
             x, y, z = 0.0, 0.0, 0.0
     return (x, y, z)
+
+
+def _disable_limits(root: Element, tree: Tree) -> None:
+    """Remove all limits of joints if the options of the file do."""
+    flags = list(root.iterfind("option/flag"))
+    if any(flag.get(name) == "disable" for flag in flags for name in ("limit", "constraint")):
+        for axis in tree.axes.values():
+            axis.limit = axis.lower = axis.upper = None
 
 
 def _set_total_mass(root: Element, tree: Tree, log: Log) -> None:

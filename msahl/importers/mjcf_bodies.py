@@ -8,6 +8,7 @@ import numpy as np
 from msahl.deck.faults import Element, attribute
 from msahl.importers.inertia import checked
 from msahl.importers.meshes import MeshFiles
+from msahl.importers.mjcf_contacts import Geom, read_bits
 from msahl.importers.mjcf_geoms import Geoms
 from msahl.importers.mjcf_joints import read_joint
 from msahl.importers.mjcf_settings import MAIN, Settings, pose, resolved
@@ -34,7 +35,7 @@ class Tree:
     links: dict[str, Link] = field(default_factory=dict)
     axes: dict[str, Axis] = field(default_factory=dict)
     sites: dict[str, tuple[str, Pose]] = field(default_factory=dict)
-    masses: list[Inertia] = field(default_factory=list)
+    solids: list[Geom] = field(default_factory=list)
 
 
 def read_world(world: Element, tree: Tree) -> None:
@@ -133,16 +134,19 @@ def _read_axis(element: Element, link: Link, place: Pose, class_: str, tree: Tre
 def _read_geom(element: Element, link: Link, place: Pose, class_: str, tree: Tree) -> list[Inertia]:
     """Read a geom of a link, and return its inertia if it counts."""
     resolved(element, tree.settings, tree.log, class_)
-    looks, inertia = tree.geoms.read(element)
-    for look in looks:
+    shown = tree.geoms.read(element)
+    for look in shown.looks:
         look.pose = place.after(look.pose)
-    link.looks += looks
+    link.looks += shown.looks
+    bits = read_bits(element, tree.log)
+    at = place.after(shown.place)
+    tree.solids.append(Geom(element, link.name, shown.kind, at, shown.size, bits))
     least, most = INERTIAL_GROUPS
     words = tree.settings.compiler.get("inertiagrouprange", "").split()
     if len(words) == 2 and all(word.isascii() and word.isdigit() for word in words):
         least, most = float(words[0]), float(words[1])
     counts = least <= number(element, "group", tree.log) <= most
-    return [inertia.seen_from(place)] if inertia is not None and counts else []
+    return [shown.inertia.seen_from(place)] if shown.inertia is not None and counts else []
 
 
 def _read_site(element: Element, link: Link, place: Pose, class_: str, tree: Tree) -> None:

@@ -11,6 +11,8 @@ Sizes are half sizes, cylinders and capsules lie along z. Meshes are solids (``i
 """
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +27,7 @@ from msahl.importers.mjcf_settings import (
     smallest_to,
 )
 from msahl.importers.reading import Log, number, numbers
-from msahl.importers.robot import Inertia, Look, Pose
+from msahl.importers.robot import HERE, Inertia, Look, Pose
 from msahl.importers.solids import mesh_solid, pyramids
 from msahl.importers.urdf import hexadecimal
 
@@ -33,9 +35,19 @@ SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 """Sizes of each kind of geom."""
 WATER = 1000.0
 """Default density [kg/m^3]."""
-CONTACT = "shapes are not made contacts"
 NOT_SOLID = {"convex": "its convex hull", "shell": "a shell"}
 """Ways of MuJoCo to weigh a mesh that are not those here."""
+
+
+class Shown(NamedTuple):
+    """A geom: its kind and frame, its shapes for views, its inertia (None: it has no mass) and its
+    half sizes, of those kinds that have some."""
+
+    kind: str
+    place: Pose = HERE
+    looks: Sequence[Look] = ()
+    inertia: Inertia | None = None
+    size: tuple[float, ...] = ()
 
 
 class Geoms:
@@ -50,26 +62,25 @@ class Geoms:
         self.materials = {attribute(e, "name"): _rgba(e, log) for e in materials}
         self.meshes = {_mesh_name(e): e for e in meshes}
 
-    def read(self, element: Element) -> tuple[list[Look], Inertia | None]:
-        """Return the shape of a geom, if msahl has it, and its inertia in the frame of its body;
-        None if it has no mass."""
+    def read(self, element: Element) -> Shown:
+        """Return what a geom is, in the frame of its body."""
         kind = attribute(element, "type", "mesh" if "mesh" in element.attrib else "sphere")
-        if _collides(element, self.log):
-            self.log.lost(element, CONTACT)
         if element.get("shellinertia") == "true":
             self.log.changed(element, "it is a shell; here it has the inertia of a solid")
         if kind == "mesh":
-            return self._mesh(element)
+            return Shown(kind, HERE, *self._mesh(element))
         if kind not in SIZES:
-            self.log.lost(element, f"msahl has no {kind}")
-            return [], None
+            self.log.lost(element, f"its shape: msahl has no {kind}")
+            return Shown(kind, pose(element, self.settings, self.log))
         found = self._place_and_size(element, kind)
         if found is None:
-            return [], None
+            return Shown(kind)
         place, size = found
         inertia = _weighed(element, _solid(kind, size), self.log)
         look = self._look(element, kind, size, place)
-        return look, None if inertia is None else inertia.seen_from(place)
+        return Shown(
+            kind, place, look, None if inertia is None else inertia.seen_from(place), tuple(size)
+        )
 
     def _place_and_size(self, element: Element, kind: str) -> tuple[Pose, list[float]] | None:
         """Return the frame and the half sizes of a geom; None with a fault."""
@@ -157,11 +168,6 @@ def _rgba(element: Element, log: Log) -> str:
     if "rgba" not in element.attrib:
         return ""
     return hexadecimal(numbers(element, "rgba", log, (0.5, 0.5, 0.5, 1.0), 4))
-
-
-def _collides(element: Element, log: Log) -> bool:
-    types = (number(element, name, log, 1.0) for name in ("contype", "conaffinity"))
-    return any(types)
 
 
 def _weighed(element: Element, solid: Inertia, log: Log) -> Inertia | None:

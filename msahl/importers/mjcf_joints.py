@@ -10,7 +10,6 @@ from msahl.importers.reading import Log, direction, number, numbers
 from msahl.importers.robot import Axis, Pose
 
 KINDS = ("hinge", "slide", "ball", "free")
-STOPS = "limits are not made contacts: the joint moves beyond its range"
 OF_LIMITS = (
     "range", "limited", "margin", "solreflimit", "solimplimit", "solreffriction",
     "solimpfriction",
@@ -39,7 +38,8 @@ def read_joint(element: Element, name: str, frame: Pose, settings: Settings, log
     axis.zero = axis.value = unit * number(element, "ref", log)
     axis.rest = unit * number(element, "springref", log)
     _read_forces(axis, log)
-    _note_others(element, settings, log)
+    _read_range(axis, unit, settings, log)
+    _note_others(element, log)
     return axis
 
 
@@ -64,10 +64,23 @@ def _read_forces(axis: Axis, log: Log) -> None:
             log.lost(element, f"{' and '.join(lost)} of a ball joint")
 
 
-def _note_others(element: Element, settings: Settings, log: Log) -> None:
-    """Note limits, and attributes that msahl has nothing for."""
-    if settings.is_limited({str(k): str(v) for k, v in element.attrib.items()}, ""):
-        log.lost(element, STOPS)
+def _read_range(axis: Axis, unit: float, settings: Settings, log: Log) -> None:
+    """Read the range of a joint with limits, of which MuJoCo makes soft ones."""
+    element = axis.element
+    if not settings.is_limited({str(k): str(v) for k, v in element.attrib.items()}, ""):
+        return
+    if axis.kind not in ("hinge", "slide"):
+        log.lost(element, f"the range of a {axis.kind} joint")
+        return
+    lower, upper = numbers(element, "range", log, count=2)
+    if lower < upper:
+        axis.lower, axis.upper, axis.limit = unit * lower, unit * upper, element
+    else:
+        log.fault(element, f"its range is from {lower:g} to {upper:g}; give the lower end first")
+
+
+def _note_others(element: Element, log: Log) -> None:
+    """Note attributes that msahl has nothing for."""
     for name in map(str, element.attrib):
         if name not in READ and name not in OF_LIMITS:
             log.lost(element, f"its {name}")

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 BASES = ("fixed", "free")
+ALL, LIMITS, NONE = CONTACTS = ("all", "limits", "none")
+"""Contacts that an import makes."""
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,8 @@ class ImportOptions:
     folders in which meshes, packages and included files may lie, beside that of the file;
     ``copy_meshes`` takes those that are not below the folder of the deck. ``friction_width`` are
     the rates [rad/s], [m/s] at which dry friction has risen to three quarters of its limit.
+    ``contacts`` are those that are made: stops of joints and shapes on planes, the ``limits`` of
+    joints alone, or none; ``restitution`` is that of their impacts, 0 to 1.
     """
 
     base: str = "fixed"
@@ -27,3 +31,5 @@ class ImportOptions:
     packages: tuple[Path, ...] = ()
     copy_meshes: bool = False
     friction_width: tuple[float, float] = (1e-2, 1e-3)
+    contacts: str = ALL
+    restitution: float = 0.0

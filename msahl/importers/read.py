@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from msahl.deck.faults import DeckError, Element, Faults
 from msahl.deck.parse import parse, read_bytes
 from msahl.deck.source import Source
 from msahl.importers.build import build
+from msahl.importers.contacts import apart, omit_unwanted
 from msahl.importers.deck_text import deck_text
 from msahl.importers.meshes import MeshFiles
 from msahl.importers.mjcf import read_mjcf
@@ -20,6 +21,7 @@ from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, Note
 from msahl.importers.robot import Axis, Robot
 from msahl.importers.urdf import read_urdf
+from msahl.model import Model
 
 FORMATS = {"robot": "URDF", "mujoco": "MJCF"}
 """Formats by the tag of the root."""
@@ -65,16 +67,27 @@ def _imported(
     _set_pose(root, robot, options, log)
     _follow(robot)
     log.raise_if_any()
+    omit_unwanted(robot, options, log)
     built = build(robot, options, log)
     format_ = FORMATS[str(root.tag)]
     source = Source(target, deck_text(built, format_, path.name))
+    placed = _model(source, root, log)
+    contacts = tuple(apart(built.candidates, placed, log))
+    if contacts:
+        built = built._replace(model=replace(built.model, contacts=contacts))
+        source = Source(target, deck_text(built, format_, path.name))
+        _model(source, root, log)
+    notes = sorted(dict.fromkeys(log.notes), key=lambda note: (note.file, note.line))
+    return Imported(source, format_, tuple(notes), meshes.copies)
+
+
+def _model(source: Source, root: Element, log: Log) -> Model:
+    """Return the model of a deck that was made; that it has faults is one of the file."""
     try:
-        source.model()
+        return source.model()
     except DeckError as error:
         first = re.sub(r"^.*?:\d+: ", "", str(error.faults[0]))
         log.stop(root, f"its deck cannot be run: {first}")
-    notes = sorted(dict.fromkeys(log.notes), key=lambda note: (note.file, note.line))
-    return Imported(source, format_, tuple(notes), meshes.copies)
 
 
 def _axes(robot: Robot) -> dict[str, Axis]:

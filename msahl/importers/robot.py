@@ -86,7 +86,8 @@ class Axis:
     The coordinate has the value ``zero`` where the link has its pose, and ``value`` at t = 0; of a
     ball ``rotated`` (3, 3) is its rotation at t = 0. ``damping`` and ``stiffness`` are those along
     the coordinate, the spring is unloaded at ``rest``; ``friction`` is the constant magnitude of
-    dry friction and ``armature`` the inertia of a rotor, in units of N, m or N m, rad.
+    dry friction and ``armature`` the inertia of a rotor, in units of N, m or N m, rad. Stops at
+    ``lower`` and ``upper`` [rad, m] are those of the element ``limit``; None: there are none.
     """
 
     name: str
@@ -103,6 +104,9 @@ class Axis:
     rest: float = 0.0
     friction: float = 0.0
     armature: float = 0.0
+    lower: float | None = None
+    upper: float | None = None
+    limit: Element | None = None
     driven: bool = False
     """Whether an actuator or a relation refers to it."""
     placed: Pose | None = None
@@ -155,6 +159,22 @@ class Closure:
 
 
 @dataclass
+class Touch:
+    """A contact: spheres of the ``radius`` [m] about the ``points`` (each (3,), axes of ``link``)
+    stay above the plane through the origin of ``plane``, which is given in the axes of the link
+    ``base``, with its z axis as the normal. ``friction`` is the coefficient of Coulomb's."""
+
+    name: str
+    link: str
+    points: list[np.ndarray]
+    radius: float
+    base: str
+    plane: Pose
+    friction: float
+    element: Element
+
+
+@dataclass
 class Drive:
     """An actuator at a joint, by name: its load is the ``expression``, in which {q} and {v} stand
     for the coordinate and its rate and {u} for the signal ``control``."""
@@ -176,3 +196,4 @@ class Robot:
     relations: list[Relation] = field(default_factory=list)
     closures: list[Closure] = field(default_factory=list)
     drives: list[Drive] = field(default_factory=list)
+    touches: list[Touch] = field(default_factory=list)

@@ -27,7 +27,8 @@ KINDS = {
 WORLD = "world"
 """A root of this name without mass is the ground."""
 CONTACT = "shapes are not made contacts"
-STOPS = "limits are not made contacts: the joint moves beyond them"
+LIMITED = ("revolute", "prismatic")
+"""Types of joints that have limits."""
 
 
 def read_urdf(root: Element, options: ImportOptions, meshes: MeshFiles, log: Log) -> Robot:
@@ -186,8 +187,8 @@ def _read_axis(axis: Axis, log: Log) -> None:
         axis.axis = direction(given, "xyz", log, (1.0, 0.0, 0.0))
     else:
         axis.axis = np.array([1.0, 0.0, 0.0])
-    if limit is not None and axis.element.get("type") in ("revolute", "prismatic"):
-        log.lost(limit, STOPS)
+    if limit is not None:
+        _read_limit(axis, limit, log)
     if dynamics is None:
         return
     damping, friction = number(dynamics, "damping", log), number(dynamics, "friction", log)
@@ -197,6 +198,19 @@ def _read_axis(axis: Axis, log: Log) -> None:
         log.lost(dynamics, f"a {axis.element.get('type')} joint has no damping and friction here")
     if damping < 0.0 or friction < 0.0:
         log.fault(dynamics, "damping and friction must not be negative")
+
+
+def _read_limit(axis: Axis, limit: Element, log: Log) -> None:
+    """Read the range of a joint; what bounds its rate and its load is listed."""
+    lower, upper = number(limit, "lower", log), number(limit, "upper", log)
+    if axis.element.get("type") in LIMITED:
+        if lower < upper:
+            axis.lower, axis.upper, axis.limit = lower, upper, limit
+        else:
+            log.lost(limit, "its range is empty: lower is not less than upper; the joint is free")
+    others = [name for name in ("effort", "velocity") if limit.get(name) is not None]
+    if others:
+        log.lost(limit, f"its {' and '.join(others)}: nothing bounds the load and the rate")
 
 
 def _set_relations(root: Element, axes: dict[str, Axis], robot: Robot, log: Log) -> None:

@@ -10,7 +10,7 @@ Analysis of Mechanical Systems (1988), chapter 7, for equations of this form.
 from collections.abc import Callable
 from typing import NamedTuple
 
-from msahl.algebra.vector import IDENTITY, Vector, scale
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, scale
 from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
 from msahl.model.joints import Joint
@@ -21,10 +21,20 @@ PARENT, CHILD, GROUND = "parent", "child", "ground"
 
 
 @record
+class Surface:
+    """A sphere of the child of this ``radius`` [m], less than zero inside of what is hollow, and
+    the ``shape`` of the parent; ``second`` marks the second tangent: see ``surfaces``."""
+
+    shape: int
+    radius: float
+    second: bool
+
+
+@record
 class Product:
     """A scalar product between the joint's points; ``n`` is fixed in ``owner``, ``e`` in the child.
 
-    ``up`` takes the parent's point's place in a ROLL.
+    ``up`` takes the parent's point's place in a ROLL, ``surface`` belongs to a SURFACE.
     """
 
     kind: int
@@ -32,6 +42,7 @@ class Product:
     owner: str = PARENT
     e: Vector = (0.0, 0.0, 0.0)
     up: Vector | None = None
+    surface: Surface | None = None
 
 
 @record
@@ -171,6 +182,14 @@ def distance_across(x: Vector, y: Vector) -> Coordinate:
     return Coordinate(RADIUS, (Product(SLIDE, x), Product(SLIDE, y)))
 
 
+def box_distance(axes: Matrix, half: Vector) -> Coordinate:
+    """Distance of the child's point from a box about the parent's, along its ``axes``, of these
+    ``half`` sizes [m]; it is zero inside.
+    """
+    sides = zip(axes, half, strict=True)
+    return Coordinate(RADIUS, tuple(Product(SLIDE, a, e=(h, 0.0, 0.0)) for a, h in sides))
+
+
 def skew_distance(joint: Joint, distance: float) -> Coordinate:
     """Distance of the two axes less ``distance`` [m], times the square of their angle's sine."""
     d, e = joint.parent_axes[Z], joint.child_axes[Z]
@@ -179,10 +198,11 @@ def skew_distance(joint: Joint, distance: float) -> Coordinate:
     return Coordinate(SKEW, across + along, radius=distance)
 
 
-def rim_height(joint: Joint, radius: float) -> Coordinate:
-    """Height of a disk's lowest point above the parent's plane [m]; the child's z is its axis."""
-    normal = joint.parent_axes[Z]
-    products = (Product(SLIDE, normal), Product(DOT, normal, e=joint.child_axes[Z]))
+def rim_height(normal: Vector, axis: Vector, radius: float) -> Coordinate:
+    """Height of the lowest point of a disk about the child's ``axis`` above the parent's plane with
+    this ``normal`` [m].
+    """
+    products = (Product(SLIDE, normal), Product(DOT, normal, e=axis))
     return Coordinate(ROUND, products, radius=radius)
 
 
@@ -191,8 +211,9 @@ def slip(direction: Vector, owner: str = PARENT) -> Equation:
     return Equation(Coordinate(PLAIN, (Product(SLIP, direction, owner),)), rate=True)
 
 
-def roll(joint: Joint, direction: Vector, radius: float) -> Equation:
-    """The lowest point of the child's disk does not move along ``direction``."""
-    up = scale(radius, joint.parent_axes[Z])
-    product = Product(ROLL, direction, e=joint.child_axes[Z], up=up)
+def roll(normal: Vector, axis: Vector, direction: Vector, radius: float) -> Equation:
+    """The lowest point of a disk about the child's ``axis`` does not move along ``direction`` in
+    the parent's plane with this ``normal``. A sphere is a disk without an axis: ``ZERO``.
+    """
+    product = Product(ROLL, direction, e=axis, up=scale(radius, normal))
     return Equation(Coordinate(PLAIN, (product,)), rate=True)

@@ -7,15 +7,16 @@ Degrees of freedom: 3 (non-holonomic). The child's point is the disk's centre, i
 the ground's axis is the plane's normal, on whose side the disk stands.
 """
 
-from msahl.joints.joint import Equation, Equations, Kind, X, Y, rim_height, roll
+from msahl.joints.joint import Equation, Equations, Kind, X, Y, Z, rim_height, roll
 from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:
     """One of position, two of velocity."""
     radius = joint.parameter("radius")
-    height = Equation(rim_height(joint, radius))
-    return [height, *(roll(joint, joint.parent_axes[i], radius) for i in (X, Y))]
+    normal, axis = joint.parent_axes[Z], joint.child_axes[Z]
+    height = Equation(rim_height(normal, axis, radius))
+    return [height, *(roll(normal, axis, joint.parent_axes[i], radius) for i in (X, Y))]
 
 
 KIND = Kind(

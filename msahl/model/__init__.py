@@ -4,6 +4,7 @@ from msahl.algebra.functions import Law
 from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.contacts import (
+    BoxContact,
     Compliance,
     ContactSide,
     DistanceLimit,
@@ -47,6 +48,7 @@ __all__ = [
     "Actuator",
     "Beam",
     "BeamShape",
+    "BoxContact",
     "Bushing",
     "Compliance",
     "ConcentratedLoad",

@@ -11,7 +11,7 @@ pushes (``laws.contact``).
 
 from typing import TypeAlias
 
-from msahl.algebra.vector import Vector
+from msahl.algebra.vector import IDENTITY, Matrix, Vector
 from msahl.records import record
 
 POISSON, NEWTON, STRONGE = IMPACT_LAWS = ("poisson", "newton", "stronge")
@@ -21,11 +21,13 @@ POISSON, NEWTON, STRONGE = IMPACT_LAWS = ("poisson", "newton", "stronge")
 class Compliance:
     """The force of a contact is ``stiffness`` [N/m^n, or N m/rad^n] times depth^``exponent``. In an
     impact at ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not
-    damped, and the restitution is 1."""
+    damped, and the restitution is 1. ``friction_width`` is the slip [m/s] at which three quarters
+    of its friction act, None without friction."""
 
     stiffness: float
     exponent: float = 1.0
     impact_speed: float | None = None
+    friction_width: float | None = None
 
 
 @record
@@ -62,8 +64,9 @@ class DistanceLimit:
 class PlaneContact:
     """A sphere of the child, or a point (``radius`` 0), is above a plane of the parent, through
     ``parent_point`` and with the unit vector ``normal`` (parent's axes); its centre is
-    ``child_point`` [m]. ``friction`` is the coefficient of Coulomb's friction while it slides,
-    ``static_friction`` that up to which it sticks, None: the same."""
+    ``child_point`` [m]. With an ``axis``, a unit vector in the child's axes, it is not a sphere but
+    the rim of a disk about that. ``friction`` is the coefficient of Coulomb's friction while it
+    slides, ``static_friction`` that up to which it sticks, None: the same."""
 
     name: str
     parent: str
@@ -76,6 +79,7 @@ class PlaneContact:
     compliance: Compliance | None = None
     friction: float = 0.0
     static_friction: float | None = None
+    axis: Vector | None = None
 
 
 @record
@@ -83,7 +87,7 @@ class SphereContact:
     """A sphere of the child, or a point (``radius`` 0), is outside of a sphere of the parent about
     ``parent_point``; with an ``axis``, a unit vector in the parent's axes, of a cylinder about the
     line through that point. If ``parent_radius`` is negative they are hollow, and the child is
-    inside. Points and radii [m] as above."""
+    inside. Points, radii [m] and friction as above."""
 
     name: str
     parent: str
@@ -95,9 +99,30 @@ class SphereContact:
     axis: Vector | None = None
     restitution: float = 0.0
     compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
 
 
-BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact
+@record
+class BoxContact:
+    """A sphere of the child is outside of a box of the parent about ``parent_point``, along the
+    rows of ``axes`` (parent's axes), with these ``half`` sizes and edges rounded by
+    ``parent_radius``; a capsule is one with one size. Points and sizes [m] as above."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    half: Vector
+    parent_radius: float = 0.0
+    radius: float = 0.0
+    restitution: float = 0.0
+    compliance: Compliance | None = None
+    axes: Matrix = IDENTITY
+
+
+BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact | BoxContact
 Contact: TypeAlias = JointLimit | BetweenPoints
 
 
@@ -119,10 +144,14 @@ class ContactSide:
 def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     """Return the sides of a contact, the lower one first."""
     if isinstance(contact, PlaneContact):
-        return (ContactSide(contact.name, contact, True, contact.radius),)
+        limit = contact.radius if contact.axis is None else 0.0
+        return (ContactSide(contact.name, contact, True, limit),)
     if isinstance(contact, SphereContact):
         limit = abs(contact.parent_radius + contact.radius)
         return (ContactSide(contact.name, contact, contact.parent_radius >= 0.0, limit),)
+    if isinstance(contact, BoxContact):
+        limit = contact.parent_radius + contact.radius
+        return (ContactSide(contact.name, contact, True, limit),)
     given = [
         (lower, limit)
         for lower, limit in ((True, contact.lower), (False, contact.upper))
@@ -134,7 +163,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
 
 def friction_of(contact: Contact) -> tuple[float, float]:
     """Return the coefficients of friction of a contact that slides and of one that sticks."""
-    if not isinstance(contact, PlaneContact):
+    if isinstance(contact, JointLimit | DistanceLimit | BoxContact):
         return 0.0, 0.0
     grip = contact.static_friction
     return contact.friction, contact.friction if grip is None else grip

@@ -47,6 +47,7 @@ from msahl.ports import (
     concentrated,
     coordinate,
     point,
+    rubbing,
     sliding,
 )
 from msahl.ports.actuator import Actuators
@@ -54,6 +55,7 @@ from msahl.ports.compliance import Compliances
 from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.ports.coordinate import AlongForces
 from msahl.ports.point import PointForces
+from msahl.ports.rubbing import Rubbing
 from msahl.ports.sliding import Sliding
 
 
@@ -67,7 +69,8 @@ class Forces(NamedTuple):
     actuator: Actuators | None
     controlled: ConcentratedLoads | None  # whose factors are expressions
     signals: Signals | None  # expressions of the motion
-    sliding: Sliding | None  # contacts with friction
+    sliding: Sliding | None  # rigid contacts with friction
+    rubbing: Rubbing | None  # compliant ones
     laws: Laws  # of time and of coordinates, to which the groups refer by number
 
 
@@ -182,6 +185,7 @@ def add_forces(
         q = start.place.coordinates
         rate = start.place.rate
         coordinate.add_load(forces.along, forces.laws, scalar.coordinates, q, rate, reaction)
+        rubbing.add_loads(forces.rubbing, forces.along, forces.laws, start.place)
         compliance.add_loads(forces.compliance, forces.along, start.load, q)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
@@ -218,6 +222,9 @@ def add_derivatives(
     coordinate.add_derivatives(
         forces.along, forces.laws, group, place, reaction, frames, motion, out
     )
+    rubbing.add_derivatives(
+        forces.rubbing, forces.along, forces.laws, group, place, frames, motion, out
+    )
     # The unit forces' mean over a step changes by half as much as the forces themselves.
     coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
@@ -243,6 +250,7 @@ def add_power(
     coordinate.add_power(forces.along, forces.laws, start.place, reaction, dt, work)
     actuator.add_power(forces.actuator, start.signals, start.place, dt, work)
     sliding.add_power(forces.sliding, start.place, reaction, dt, work)
+    rubbing.add_power(forces.rubbing, forces.along, forces.laws, start.place, dt, work)
 
 
 @kernel
@@ -417,6 +425,7 @@ def mean_residual(
             *(forces.along, forces.laws, scalar.coordinates, q, start.stretch),
             *(start.reactions, h),
         )
+        rubbing.add_mean_loads(forces.rubbing, forces.along, forces.laws, start.place, h)
         compliance.mean_residual(
             *(forces.compliance, forces.along, q, start.elongation, start.stretch, frames),
             *(step, Z, F),
@@ -453,6 +462,10 @@ def mean_jacobian(
         )
         compliance.mean_jacobian(forces.compliance, forces.along, group, q, frames, step, values)
         sliding.mean_jacobian(forces.sliding, scalar, start.place, frames, step, Z, values)
+        rubbing.mean_jacobian(
+            *(forces.rubbing, forces.along, forces.laws, group, start.place, frames),
+            *((h, -dt2), values),
+        )
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.controlled, start.controlled, frames, -dt2, Z, values)
     _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
@@ -481,6 +494,7 @@ def mean_work(
     coordinate.mean_work(forces.along, forces.laws, start.reactions, q, h, work)
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
     sliding.mean_work(forces.sliding, scalar, start.place, frames, step, Z, work)
+    rubbing.mean_work(forces.rubbing, forces.along, forces.laws, start.place, h, work)
 
 
 @kernel
@@ -842,6 +856,8 @@ def coordinates_of(forces: Forces) -> np.ndarray:
     along = [forces.along.coordinate]
     if forces.actuator is not None:
         along.append(forces.actuator.coordinate)
+    if forces.rubbing is not None:
+        along.append(forces.rubbing.along.reshape(-1))
     return np.concatenate(along)
 
 
@@ -855,6 +871,7 @@ def renumbered(forces: Forces, number: np.ndarray) -> Forces:
     return forces._replace(
         along=forces.along._replace(coordinate=number[forces.along.coordinate]),
         sliding=forces.sliding and forces.sliding._replace(along=number[forces.sliding.along]),
+        rubbing=forces.rubbing and forces.rubbing._replace(along=number[forces.rubbing.along]),
         actuator=forces.actuator
         and forces.actuator._replace(coordinate=number[forces.actuator.coordinate]),
         signals=signals.renumbered(forces.signals, number),

@@ -3,6 +3,7 @@
     F = -mu N d         on the child, the opposite on the parent, at the point of contact   [N]
     d = s/|s|           direction of the slip s = (rates of two tangential coordinates)     [-]
     mu, N               coefficient of friction; multiplier of the gap                      [-, N]
+                        both are negative where the gap is the limit less the coordinate
 
 Forces that depend on N change the matrix of the index-1 problem: the multiplier of a gap pushes
 along n - mu d and not along n. So N is that of the accelerations, without an iteration. A
@@ -23,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import Vector, at, axpy, scale
+from msahl.elements.constraints import surfaces
 from msahl.elements.constraints.coordinate_jacobians import add_outer, rate_gradient
 from msahl.elements.constraints.coordinate_kinds import Coordinates, Derivatives
 from msahl.elements.constraints.coordinates import row_factor
@@ -43,8 +45,8 @@ class Sliding(NamedTuple):
     tangent: np.ndarray  # (k, 2) equations between the slips, of contacts that stick
     along: np.ndarray  # (k, 2) coordinates whose rates are the slip
     reaction: np.ndarray  # (k,) row of its forces N, T_1, T_2 behind the joints' reactions
-    friction: np.ndarray  # (k,) mu while it slides, else 0
-    grip: np.ndarray  # (k,) coefficient of static friction
+    friction: np.ndarray  # (k,) mu while it slides, else 0; times the sign of N
+    grip: np.ndarray  # (k,) coefficient of static friction, times the sign of N
     toward: np.ndarray  # (k, 2) d0
     still: np.ndarray  # (k,) slip that is round-off [m/s]
     column: np.ndarray  # (k,) of the table of work
@@ -95,6 +97,9 @@ def update_directions(
     the coordinates. Where one has rotated, ``known`` (1,) becomes nan.
     """
     assert scalar is not None
+    m = scalar.coordinates.products
+    if surfaces.choose_axes(m.surfaces, m, start.coordinates.products):
+        known[0] = math.nan
     values(scalar, start, motion, value, rate)
     for k in range(group.row.size):
         s_1, s_2 = slip_of(group, k, rate)

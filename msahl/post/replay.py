@@ -6,7 +6,7 @@ Everything measured here is measured by the kernels the time loop runs, one row 
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -220,6 +220,18 @@ def _energies(
         x, v, w = history.x[row], history.v[row], history.w[row]
         energies[0, row], energies[2, row] = energy(bodies, x, v, rest)
         energies[1, row], _ = energy(bodies, x, rest, w)
+
+
+def count_to(
+    system: System, state: State, start: SystemWorkspace, t: float, call: Callable[..., Any]
+) -> None:
+    """Count the angles of a ``state`` at ``t``, whose angles, and the rates in ``start``, are those
+    of an earlier row; kernels are run by ``call``.
+    """
+    h, state.time[0] = t - state.time[0], t
+    call(_expect, system.scalar, start.scalar, state.angle, 0.5 * h)
+    call(evaluate.prepare, system, state, start)
+    call(_count, system.scalar, start.scalar, start.frames, state.angle, 0.5 * h)
 
 
 _observe = compiled(_observe_rows)

@@ -32,7 +32,7 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
         integrator.review_reactions()
         report.non_unique_reactions |= integrator.shared
         if integrator.modes:
-            shared = sorted(integrator.modes.shared)
+            shared = sorted(integrator.modes.record.shared)
             report.non_unique_reactions |= {name: [LOAD_COLUMN] for name in shared}
     _add_extremes(setup, record, report)
     _complete_estimate(setup, record, report)

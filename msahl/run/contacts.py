@@ -64,7 +64,7 @@ def omitted_heights(
     """Return the heights [m] of the rebounds that were omitted up to these ``times`` (m,), of the
     subsystem that has the largest; 0 without contacts.
     """
-    found = [_heights(one.modes.omitted, times) for one in integrators if one.modes]
+    found = [_heights(one.modes.record.omitted, times) for one in integrators if one.modes]
     return np.max(found, axis=0) if found else 0.0
 
 
@@ -79,16 +79,16 @@ def figures(integrators: Sequence[SubsystemIntegrator]) -> dict[str, Any] | None
     found = [integrator.modes for integrator in integrators if integrator.modes]
     if not found:
         return None
-    lost = -sum(float(modes.state.work[modes.contacts.column].sum()) for modes in found)
+    lost = -sum(float(modes.held.state.work[modes.held.contacts.column].sum()) for modes in found)
     return {
-        "impacts": sum(modes.impacts for modes in found),
+        "impacts": sum(modes.record.impacts for modes in found),
         "energyLost": lost,
-        "energyGained": sum(modes.gained for modes in found),
+        "energyGained": sum(modes.record.gained for modes in found),
         "omittedHeight": float(np.max(omitted_heights(integrators, np.array([np.inf])))),
         "closed": [
             name
             for modes in found
-            for name, is_closed in zip(modes.names, modes.closed, strict=True)
+            for name, is_closed in zip(modes.names, modes.held.closed, strict=True)
             if is_closed
         ],
     }

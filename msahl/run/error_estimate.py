@@ -27,10 +27,12 @@ Errors that both runs make alike are in ``unseen_errors``.
 Errors are those of the published numbers: positions of the bodies' reference points [m],
 orientations as angle times the body's length [m], velocities [m/s] and angular velocities [rad/s]
 in body axes, joint forces [N] and moments [N m], loads of couplings and prescribed motions, and
-signals, auxiliary states and loads of actuators, each by itself (``signal_errors``).
+signals, auxiliary states and loads of actuators, each by itself (``signal_errors``). Where contacts
+or events make velocities jump, vibrations are looked for, and reactions judged, by errors that last
+(``lasting``).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from sys import float_info
 from typing import Any
 
@@ -49,6 +51,7 @@ from msahl.run.companion import (
     first_rows,
 )
 from msahl.run.error_history import GROWTH, ErrorHistory
+from msahl.run.lasting import Lasting
 from msahl.run.signal_errors import SignalErrors
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.unseen_errors import unseen_motion
@@ -107,6 +110,11 @@ class ErrorEstimate:
         self.signals = SignalErrors(model, integrators)
         self.history = ErrorHistory()
         self.speeds = [np.zeros((2, len(one))) for one in self.lengths]  # highest so far
+        self.lasting = dict.fromkeys(REACTION_FIGURES, 0.0)  # errors of reactions that last
+        # What is a jump where velocities may do so is no vibration, and spoils no reactions.
+        changing = [k for k, one in enumerate(integrators) if one.changes]
+        self.lasting_rates = {k: Lasting(2 * len(self.lengths[k])) for k in changing}
+        self.lasting_reactions = {k: Lasting(len(self.columns[k])) for k in changing}
         self.stopped = False
         if not isinstance(companion, EarlierRun) and not settings.adaptive:
             unseen = unseen_motion(model, max(float(one.max()) for one in self.lengths))
@@ -197,8 +205,12 @@ class ErrorEstimate:
         speeds = np.maximum.accumulate(np.concatenate([self.speeds[k][None], speeds]))[1:]
         self.speeds[k] = speeds[-1]
         velocity = apart[:, :, 1]
-        reversed_velocity = np.where(velocity > REVERSED * speeds[:, 0], velocity, 0.0)
-        reversed_angular = np.where(angular > REVERSED * speeds[:, 1], angular * lengths, 0.0)
+        lasting = np.concatenate([velocity, angular], axis=1)
+        if k in self.lasting_rates:
+            lasting = self.lasting_rates[k].add(lasting)
+        linear, rotary = np.split(lasting, 2, axis=1)
+        reversed_velocity = np.where(linear > REVERSED * speeds[:, 0], linear, 0.0)
+        reversed_angular = np.where(rotary > REVERSED * speeds[:, 1], rotary * lengths, 0.0)
         hidden = h[:, None] / np.pi if self.is_free[k] else np.zeros((m, 1))
         position = np.maximum(np.maximum(apart[:, :, 0], floor), hidden * reversed_velocity)
         angle = np.maximum(np.maximum(angle, ROUND_OFF * lengths), hidden * reversed_angular)
@@ -213,12 +225,18 @@ class ErrorEstimate:
         self, k: int, mine: np.ndarray, other: np.ndarray
     ) -> dict[str, np.ndarray]:
         """(m,) largest estimated errors of the reactions of subsystem ``k``, by figure."""
-        errors, apart = {}, self.companion.factor * np.abs(mine - other)
+        errors = dict.fromkeys(self.columns[k], np.zeros(len(mine)))
+        apart = self.companion.factor * np.abs(mine - other)
         for kind, columns in self.columns[k].items():
             if len(columns):
                 errors[kind] = np.linalg.norm(apart[:, columns], axis=2).max(axis=1)
                 size = float(np.linalg.norm(mine[:, columns], axis=2).max())
                 self.sizes[kind] = max(self.sizes[kind], size)
+        lasting = np.stack([*errors.values()], axis=1)
+        if k in self.lasting_reactions:
+            lasting = self.lasting_reactions[k].add(lasting)
+        for kind, values in zip(errors, lasting.T, strict=True):
+            self.lasting[kind] = max(self.lasting[kind], float(values.max()))
         return errors
 
     def add_damped(
@@ -326,8 +344,10 @@ class ErrorEstimate:
             "speeds": [speeds.tolist() for speeds in self.speeds],
             "stopped": self.stopped,
             "sizes": dict(self.sizes),
+            "lasting": dict(self.lasting),
             "takenByHalf": self.taken_by_half.tolist(),
             "signals": self.signals.numbers(),
+            "medians": [one.last.tolist() for one in self._medians()],
         }
 
     def restore(self, numbers: dict[str, Any]) -> None:
@@ -336,9 +356,16 @@ class ErrorEstimate:
         self.history.restore(numbers)
         self.speeds = [np.array(speeds) for speeds in numbers["speeds"]]
         self.sizes = dict(numbers["sizes"])
+        self.lasting = dict(numbers["lasting"])
         self.taken_by_half = np.array(numbers["takenByHalf"])
         self.signals.restore(numbers["signals"])
+        for one, last in zip(self._medians(), numbers["medians"], strict=True):
+            one.last = np.array(last)
         self.kept = None  # the rows before are missing
+
+    def _medians(self) -> Iterator[Lasting]:
+        """The medians of all subsystems that have them."""
+        yield from (*self.lasting_rates.values(), *self.lasting_reactions.values())
 
     def as_json(self) -> dict[str, Any]:
         """The figures by their names in ``run.json``; after ``until`` the error is not known."""
@@ -351,6 +378,7 @@ class ErrorEstimate:
         reactions = [kind for kind in REACTION_FIGURES if kind in shown]
         if reactions:
             shown["largest"] = {kind: self.sizes[kind] for kind in reactions}
+            shown["lasting"] = {kind: self.lasting[kind] for kind in reactions}
         if self.signals.names:
             shown["signals"] = self.signals.as_json()
         accuracy = {}

@@ -17,6 +17,7 @@ import numpy as np
 
 from msahl.elements.signals.group import Signals
 from msahl.model import Model, SignalState
+from msahl.run.lasting import Lasting
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.names import signal_columns
 from msahl.system.signal_terms import Scales, Sizes, motion_errors, state_terms, tape_terms
@@ -47,9 +48,8 @@ LISTED = 20
 class SignalErrors:
     """Errors of the columns of the table of signals, over the run so far.
 
-    ``largest`` are those at any output time, ``lasting`` those at two of three in succession: where
-    a value jumps, run and companion may differ at one time by all of the jump, though they only
-    jump a little before and after it. ``size`` is the largest absolute value.
+    ``largest`` are those at any output time, ``lasting`` those at two of three in succession.
+    ``size`` is the largest absolute value.
     """
 
     def __init__(self, model: Model, integrators: Sequence[SubsystemIntegrator]) -> None:
@@ -62,7 +62,7 @@ class SignalErrors:
         ]
         count = len(self.names)
         self.largest, self.lasting, self.size = (np.zeros(count) for _ in range(3))
-        self.last = np.zeros((2, count))  # errors at the last two output times
+        self.medians = Lasting(count)
         self.share = np.zeros(count)  # see ``compare_sizes``
 
     def compare(
@@ -75,11 +75,8 @@ class SignalErrors:
         for places, mine, other in zip(self.places, own, others, strict=True):
             errors[:, places] = factor * np.abs(mine - other)
             self.size[places] = np.maximum(self.size[places], np.abs(mine).max(axis=0))
-        every = np.concatenate([self.last, errors])
-        threes = np.median(np.stack([every[:-2], every[1:-1], every[2:]]), axis=0)
-        self.lasting = np.maximum(self.lasting, threes.max(axis=0))
+        self.lasting = np.maximum(self.lasting, self.medians.add(errors).max(axis=0))
         self.largest = np.maximum(self.largest, errors.max(axis=0))
-        self.last = every[-2:]
         return errors
 
     def compare_sizes(
@@ -111,13 +108,14 @@ class SignalErrors:
 
     def numbers(self) -> dict[str, list[Any]]:
         """All figures so far, for a snapshot."""
-        parts = ("largest", "lasting", "size", "last")
-        return {name: getattr(self, name).tolist() for name in parts}
+        parts = {name: getattr(self, name).tolist() for name in ("largest", "lasting", "size")}
+        return {**parts, "last": self.medians.last.tolist()}
 
     def restore(self, numbers: dict[str, list[Any]]) -> None:
         """Restore what ``numbers`` returned."""
-        for name, values in numbers.items():
-            setattr(self, name, np.array(values))
+        for name in ("largest", "lasting", "size"):
+            setattr(self, name, np.array(numbers[name]))
+        self.medians.last = np.array(numbers["last"])
 
     def as_json(self) -> dict[str, dict[str, Any]]:
         """Largest error and largest value of each column, and the share that the verdict judges."""

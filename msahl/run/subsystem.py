@@ -32,7 +32,7 @@ from msahl.system.arrays import (
     multiplier_count,
     new_system_workspace,
 )
-from msahl.system.build import Places, build_system
+from msahl.system.build import Places
 from msahl.system.contacts import contacts_of
 from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
@@ -47,11 +47,9 @@ from msahl.system.reductions import (
 from msahl.system.state import build_state
 from msahl.system.switches import (
     Switches,
+    build_at_start,
     conditions_of,
-    release,
-    switches_of,
     with_all_engaged,
-    with_own_laws,
     without,
 )
 from msahl.system.tree import Formulation, choose_formulation
@@ -94,7 +92,7 @@ class SubsystemIntegrator:
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         self.storages = storages
-        system, self.switches = _build(model)
+        system, self.switches = build_at_start(model)
         self.storage = self._take_storage(system, chunk, accelerations)
         system = self.storage.place("system", system)
         state = self.storage.place("state", build_state(model, system))
@@ -122,13 +120,13 @@ class SubsystemIntegrator:
         )
 
     @property
-    def _changes(self) -> bool:
-        """Whether constraints are not the same throughout a run."""
+    def changes(self) -> bool:
+        """Whether constraints are not the same throughout a run, whereby velocities may jump."""
         return bool(self.model.rigid_contacts or self.model.switched or self.model.events)
 
     def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
-        if self.storages is None or self.size >= LARGE or self._changes:
+        if self.storages is None or self.size >= LARGE or self.changes:
             return Storage()
         simulation = self.model.simulation
         kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
@@ -161,7 +159,7 @@ class SubsystemIntegrator:
         # Contacts that stick may be redundant with each other, as the corners of a box are.
         shares = system.forces.sliding is not None and system.forces.sliding.row.size > 1
         if shares or (self.redundant and not is_regular(system, state, unknowns, at_rest)):
-            system, self.switches = _build(model, True, Places(state.x, state.p))
+            system, self.switches = build_at_start(model, True, Places(state.x, state.p))
             unknowns, at_rest, work_arrays = (
                 choose(system, free),
                 None,
@@ -247,7 +245,7 @@ class SubsystemIntegrator:
         seconds.
         """
         self.storage.step_time = step_time
-        if self.storages and self.size < LARGE and not self._changes:
+        if self.storages and self.size < LARGE and not self.changes:
             self.storages.give_back(self.storage)
 
     def show_start(self) -> None:
@@ -271,20 +269,6 @@ class CompanionIntegrator(SubsystemIntegrator):
     """A subsystem of a companion of a run with given steps."""
 
     resolves_inputs = True
-
-
-def _build(
-    model: Model, relaxed: bool = False, places: Places | None = None
-) -> tuple[System, Switches | None]:
-    """Return the system of a model at t = 0, and the elements that events release or engage."""
-    system = build_system(model, relaxed, places)
-    found = switches_of(model, system) if model.switched else None
-    if found is not None:
-        system = with_own_laws(system)
-        for k, name in enumerate(found.names):
-            if name in model.released:
-                release(system, found, k)
-    return system, found
 
 
 def _prepare(
@@ -317,7 +301,9 @@ def _new_stepper(
     instantaneous, span = details
     modes, switching = changing
     changes = modes is not None or switching is not None
-    given = Changing(modes.contacts if modes else None, switching.conditions if switching else None)
+    given = Changing(
+        modes.held.contacts if modes else None, switching.conditions if switching else None
+    )
     if not settings.degree:
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
@@ -357,11 +343,12 @@ def _new_modes(model: Model, workspace: Workspace) -> "ContactModes | None":
     if contacts is None:
         return None
     from msahl.contact.modes import ContactModes, ContactsUnsolved  # which few models need
+    from msahl.contact.state import ContactState
 
     settings, names = resolve(model.simulation), [side.name for side in model.contact_sides]
     asked = settings.local_tolerance if settings.accuracy is None else settings.accuracy
-    given = workspace.system, workspace.state, workspace.unknowns
-    modes = ContactModes(contacts, names, model.simulation.impact_law, asked, *given)
+    held = ContactState(contacts, workspace.system, workspace.state, workspace.unknowns)
+    modes = ContactModes(held, names, model.simulation.impact_law, asked)
     try:
         modes.begin()
     except ContactsUnsolved as error:

@@ -336,10 +336,10 @@ def _reaction_errors(figures: Figures, limits: Limits) -> Iterator[Finding]:
     energy, length = figures.energy_size, figures.length
     units = {"force": ("N", length), "moment": ("N m", 1.0), "load": ("N or N m", min(length, 1.0))}
     for kind, largest in error.get("largest", {}).items():
-        unit, lever = units[kind]
-        if error[kind] > max(REACTION * largest, NOISE * energy / lever):
+        (unit, lever), lasting = units[kind], error["lasting"][kind]
+        if lasting > max(REACTION * largest, NOISE * energy / lever):
             text = (
-                f"estimated error of the joints' {kind}s {error[kind]:.1e} {unit}, of at most "
+                f"estimated error of the joints' {kind}s {lasting:.1e} {unit}, of at most "
                 f"{largest:.1e} {unit}: do not use them; try a smaller --dt, or --scheme gauss"
             )
             yield Finding(f"{kind}Error", WARN, text)

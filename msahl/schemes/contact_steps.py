@@ -44,14 +44,14 @@ class ContactSteps:
     @property
     def method(self) -> Any:
         """The method for the contacts that are closed and the elements that are engaged now."""
-        key = self.modes.key if self.modes else b""
+        key = self.modes.held.key if self.modes else b""
         key += self.switching.key if self.switching else b""
         if key not in self.methods:
             self.methods[key] = self.make(self._own_workspace())
         return self.methods[key]
 
     def _own_workspace(self) -> Workspace:
-        found = self.modes or self.switching
+        found = self.modes.held if self.modes else self.switching
         assert found is not None
         unknowns = found.unknowns
         return self.workspace._replace(
@@ -81,6 +81,13 @@ class ContactSteps:
             method = self._resolve(method, None, True) if switches else self.enter(method)
             condition = self._next_condition(method)
         return method
+
+    def only_begins(self, method: Any, event: Event) -> bool:
+        """Whether the ``event`` was sought as the end of a slip, and its beginning was found: a
+        smaller step is to be taken.
+        """
+        contact = method.detection.contact_of(event)
+        return bool(self.modes and contact is not None and self.modes.begins_to_slip(contact))
 
     def _resolve(self, method: Any, contact: int | None, jumped: bool = False) -> Any:
         if self.modes:
@@ -129,6 +136,14 @@ class ContactSteps:
             return math.inf
         left = self.modes.next_touch - float(self.workspace.state.time[0])
         return left if left > 0.0 else math.inf
+
+    def give_up(self, parts: int) -> None:
+        """Note that one step became so many ``parts``."""
+        t = float(self.workspace.state.time[0])
+        self.trouble = (
+            f"one step became {parts} parts before t = {t:.9g} s: slips of contacts there are too "
+            "hard to resolve; reduce --dt, or the friction of contacts with light bodies"
+        )
 
     def fail(self, error: ContactsUnsolved | None) -> None:
         """Note why the steps end: an ``error``, or too many events."""

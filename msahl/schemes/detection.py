@@ -220,6 +220,10 @@ class Detection:
             self.detector.figures[figure] = other.detector.figures[figure]
         self.detector.figures[KNOWN], self.detector.event[0] = np.nan, -1
 
+    def forget(self) -> None:
+        """Let no event have been found."""
+        self.detector.event[0] = -1
+
     def begin(self, resolves: bool) -> None:
         """Save the start of a step that Python takes, with free switches unless it ``resolves``
         events.

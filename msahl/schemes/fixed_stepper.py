@@ -39,6 +39,9 @@ MAX_PARTS = 16
 rest of the step is taken as if there were no events."""
 
 
+MOST_PIECES = 500
+"""Largest number of parts into which contacts divide a step, events or not: those of a step whose
+equations have no solution become ever shorter."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
 
@@ -133,6 +136,7 @@ class FixedStepper:
         self.requests = Requests()
         self.armed = math.inf
         self.halves_parts = self.half_taken = False
+        self.solved_part = math.inf  # share of a step of the last part that was shorter than asked
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
@@ -262,7 +266,7 @@ class FixedStepper:
         """
         before, ends, events = self._saved(), [0.0], 0
         modes = self.contacts.counters if self.contacts else {}
-        self.half_taken = False
+        self.half_taken, self.solved_part = False, math.inf
         self.reset_prediction()
         while True:
             try:
@@ -274,8 +278,7 @@ class FixedStepper:
             tried = False
             if not outcome.converged or (event and event.ends_run):
                 self.reset_prediction()
-                self._go_back(before)
-                self._restore_contacts(modes)
+                self._undo(before, modes)
                 return outcome, event if outcome.converged else None, []
             done = ends[-1] + part >= 1.0 - SHORTEST
             if done:
@@ -283,14 +286,17 @@ class FixedStepper:
             elif part > 0.0:
                 self._record(chunk, step, ends[-1], ends[-1] + part)
                 ends.append(ends[-1] + part)
+            if len(ends) > MOST_PIECES and self.contacts:
+                self.contacts.give_up(len(ends))
+                self._undo(before, modes)
+                return Outcome(math.inf, -1), None, []
             if event and self.method.detection:
                 events += 1
                 crossed, stop = self._cross(event, events), None
                 if crossed and self.contacts:
                     stop = self.method.detection.stop_in_jump()
                 if stop or not crossed:
-                    self._go_back(before)
-                    self._restore_contacts(modes)
+                    self._undo(before, modes)
                     return outcome if stop else Outcome(math.inf, -1), stop, []
             if done:
                 return outcome, None, ends[1:]
@@ -301,6 +307,7 @@ class FixedStepper:
         """
         assert self.method.detection
         self.method.detection.cross(event)
+        self.solved_part = math.inf
         if self.contacts is None:
             return True
         from msahl.contact.modes import ContactsUnsolved  # which few models need
@@ -314,7 +321,9 @@ class FixedStepper:
             self.contacts.fail(None)
         return events < self.most_parts
 
-    def _restore_contacts(self, counters: dict[str, Any]) -> None:
+    def _undo(self, before: list[np.ndarray], counters: dict[str, Any]) -> None:
+        """Return to the state ``before`` a step, and to the contacts of these ``counters``."""
+        self._go_back(before)
         if self.contacts:
             self.contacts.restore(counters)
             self.method = self.contacts.enter(self.method)
@@ -337,11 +346,14 @@ class FixedStepper:
         part *= 0.5 if halves else 1.0
         detection.begin(events < self.most_parts)
         begin, holds = self._saved(), detection.holds
-        outcome = self._solve(h, part, tried and part == 1.0, holds)
+        outcome, part = self._solve_part(h, part, tried and part == 1.0, holds)
         event = detection.look() if outcome.converged and events < self.most_parts else None
         failed = not outcome.converged
         if event and not event.ends_run:
             part = self._take_part(event, begin, h, part)
+            if self._is_missed(event, part) and not holds:
+                outcome, part = self._approach(event, begin, h)
+                event = None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
         if not failed:
             self.half_taken = halves and event is None
@@ -356,6 +368,27 @@ class FixedStepper:
             raise _Undivided
         return Outcome(math.inf, -1) if event else outcome, None, part
 
+    def _solve_part(
+        self, h: float, share: float, tried: bool, holds: bool
+    ) -> tuple[Outcome, float]:
+        """Do what ``_solve`` does, and return the share that is taken. With contacts one that is
+        hard becomes a part of its own: events are to be found in its first half, as the second
+        may have no solution beyond them, or one that slow solvers find and no motion has. Parts
+        begin with twice the last one that could be solved.
+        """
+        if self.contacts is None or holds:
+            return self._solve(h, share, tried, holds), share
+        part = min(share, 2.0 * self.solved_part)
+        for k in range(MAX_SUBDIVISIONS if self._uses_compiled_loop() else 0):
+            if k > 0 or not tried:
+                outcome = self.method.take_step(part * h, part)
+                if outcome.converged:
+                    self.solved_part = part if part < share else math.inf
+                    return outcome, part
+                self.reset_prediction()
+            self.subdivisions, part = self.subdivisions + 1, 0.5 * part
+        return self._solve(h, share, tried, False), share
+
     def _solve(self, h: float, share: float, tried: bool, holds: bool) -> Outcome:
         """Take a ``share`` of a step ``h``, in substeps if it is hard; only once while it ``holds``
         switches, as what these hold may have no value beyond the level.
@@ -365,6 +398,25 @@ class FixedStepper:
         if tried and self._uses_compiled_loop():
             return Outcome(math.inf, -1)
         return self._solve_once(share * h, share, False)
+
+    def _is_missed(self, event: Event, part: float) -> bool:
+        """Whether contacts need a shorter step, as none of the fraction ``part`` leads to an
+        ``event``.
+        """
+        if self.contacts is None:
+            return False
+        begins = part == 0.0 and not event.at_start
+        return math.isnan(part) or (begins and self.contacts.only_begins(self.method, event))
+
+    def _approach(self, event: Event, begin: list[np.ndarray], h: float) -> tuple[Outcome, float]:
+        """Take a part of a step ``h`` half way to an ``event`` to which none can be taken: at the
+        end of a slip its direction must be nearly that at the start of the part.
+        """
+        self._go_back(begin)
+        self.reset_prediction()
+        share = 0.5 * (event.guess - float(begin[0][0])) / h
+        outcome, part = self._solve_part(h, share, False, False)
+        return outcome, part if outcome.converged and part > SHORTEST else math.nan
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the

@@ -198,7 +198,12 @@ def project(system: System, state: State, work_arrays: WorkArrays, unknowns: Unk
     rows[first_multiplier(frames) :] = -_violation_rate(system, state, work_arrays)
     R = work_arrays.start.frames.R.copy()  # of the state; at rest it is the same
     at_rest = jacobian_at_rest(system, state, work_arrays)
-    change = solve_at_rest(system, state, rows, unknowns, at_rest)
+    add_to_velocities(system, state, solve_at_rest(system, state, rows, unknowns, at_rest), R)
+
+
+def add_to_velocities(system: System, state: State, change: np.ndarray, R: np.ndarray) -> None:
+    """Add a ``change`` (nodes, 3) to the velocities of bodies with the rotations ``R``."""
+    frames = system.frames
     state.v[:] += change[frames.displacement]
     dW = change[frames.rotation] / frames.length[:, None]
     state.w[:] += np.einsum("bji,bj->bi", R, dW)

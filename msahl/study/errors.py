@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation_arrays import angles, rotations
+from msahl.analysis.no_contacts import without_contacts
 from msahl.post.metrics import Metrics, Statistics, compute_metrics
 from msahl.records import record
 from msahl.results.read import Run
@@ -129,9 +130,9 @@ def _force_errors(
     run: Run, metrics: Metrics, reference: Reference, dynamics: Dynamics, rows: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return the errors (m,) of the reactions at the output times of these indices, by key; none
-    with auxiliary states, which the table of states does not have.
+    with auxiliary states, and with contacts and events, which the table of states does not have.
     """
-    if dynamics.state.auxiliary.size:
+    if dynamics.state.auxiliary.size or without_contacts(dynamics.model):
         return {}
     # Components that redundant joints share are not unique: the reference has other ones.
     not_unique = metrics.reactions.not_unique[: metrics.joints]

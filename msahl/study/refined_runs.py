@@ -26,10 +26,11 @@ ENOUGH = 1e-5
 
 
 def refined_reference(
-    model: Model, accuracy: float, seconds: float, checked: Solution
+    model: Model, accuracy: float, seconds: float, checked: Solution | None = None
 ) -> TableReference:
     """Run ``SCHEME`` at ever smaller steps until two runs agree or the ``seconds`` are used up, and
-    compare the last run with the available part of an independent solution.
+    compare the last run with the available part ``checked`` of an independent solution; None:
+    there is no such solution of the model, which has contacts or events.
 
     Raises ``ResultError`` if there are no two runs to compare.
     """
@@ -51,10 +52,11 @@ def refined_reference(
         fine.times[-1] if good.all() else coarse.times[max(int(np.argmin(good)) - 1, 0)]
     )
     error = float(difference[good].max(initial=0.0))
+    reason = "would take longer than the study may" if checked else "has no contacts and events"
     description = (
-        "The reference is msahl itself, because the independent integrator would take longer than "
-        f"the study may. It is a run by {fine.description}. A run by {coarse.description} differs "
-        f"from it by up to {error:.1e} m in position{_check(fine, checked, horizon)}"
+        f"The reference is msahl itself, because the independent integrator {reason}. It is a run "
+        f"by {fine.description}. A run by {coarse.description} differs from it by up to "
+        f"{error:.1e} m in position{_check(fine, checked, horizon)}"
     )
     description += "." if good.all() else f"; after t = {horizon:.4g} s they differ by more."
     return replace(fine, description=description, horizon=horizon, error=error)
@@ -87,8 +89,10 @@ def _differences(coarse: TableReference, fine: TableReference) -> np.ndarray:
     return np.nan_to_num(position_differences(coarse.table, fine.states(coarse.times)))
 
 
-def _check(fine: TableReference, checked: Solution, horizon: float) -> str:
+def _check(fine: TableReference, checked: Solution | None, horizon: float) -> str:
     """Describe the difference from the available part of the independent solution."""
+    if checked is None:
+        return ""
     rows = fine.times <= min(horizon, float(checked.ends[-1]))
     if not len(checked.values) or rows.sum() < 2:
         return ""

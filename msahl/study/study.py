@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from msahl.analysis.no_contacts import require_no_contacts
+from msahl.analysis.no_contacts import without_contacts
 from msahl.jit.compiled import working_clock
 from msahl.model import resolve
 from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
 from msahl.records import record
+from msahl.results.read import ResultError
 from msahl.study.command import Command, command_arguments
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
@@ -26,6 +27,10 @@ from msahl.study.search import Observer, Search
 
 TIMES = 1001
 """Number of times at which a reference is compared with another."""
+NOT_INDEPENDENT = (
+    "the independent integrator has neither contacts nor events: use --reference auto, which is "
+    "msahl itself at small steps, or a stored run"
+)
 OF_REFERENCE = 0.35
 """Fraction of the budget that the reference may take."""
 OF_CURVES, OF_RUNS = 0.75, 0.9
@@ -110,9 +115,8 @@ def study(
     at the time ``until`` of ``working_clock`` (default: the plan's budget from now).
 
     Raises ``ResultError`` if there is no reference, ``StartError`` if there are no consistent
-    initial conditions, or if the model has contacts or events.
+    initial conditions.
     """
-    require_no_contacts(plan.model)
     until = working_clock() + plan.budget if until is None else until
     reference = reference or find_reference(plan)
     observer = Observer(stopped, report, progress)
@@ -123,7 +127,8 @@ def study(
 
 def find_reference(plan: Plan) -> Reference:
     """Return the reference that the ``plan`` names: "independent", a run's folder, or "auto", which
-    is independent or, where that takes too long, from msahl's own runs at small steps.
+    is independent or, where that takes too long or the model has contacts or events, from msahl's
+    own runs at small steps.
 
     Raises ``ResultError`` if there is none.
     """
@@ -133,6 +138,10 @@ def find_reference(plan: Plan) -> Reference:
         return stored(Path(wanted), model)
     seconds = OF_REFERENCE * plan.budget if wanted == "auto" else math.inf
     end = working_clock() + seconds
+    if without_contacts(model):
+        if wanted == "independent":
+            raise ResultError(NOT_INDEPENDENT)
+        return refined_reference(model, accuracy, seconds)
     try:
         return independent(model, times, accuracy, seconds)
     except TooSlowError as error:

@@ -26,20 +26,18 @@ from msahl.model import Model
 from msahl.model.events import Event
 from msahl.ports import forces
 from msahl.start.redundancy import is_regular
-from msahl.start.velocities import solve_accelerations, solve_at_rest
+from msahl.start.velocities import add_to_velocities, solve_accelerations, solve_at_rest
 from msahl.system import evaluate, switches
 from msahl.system.arrays import State, System, node_count
 from msahl.system.state import work_of_events
 from msahl.system.switches import FALLS, NEVER, RISES, Conditions, Switches
 from msahl.system.unknowns import Unknowns, choose
-from msahl.system.work_arrays import PlainFirst, energy, jacobian_at_rest, new_work_arrays
+from msahl.system.work_arrays import PlainFirst, energy, new_work_arrays, rigid_at_rest
 
 FITS = 1e-6
 """What is left of a constraint when it is engaged, over the size of the model, that is kept."""
 ROUND_OFF = 1e-12
 """Margin of a condition, over its largest value so far, that is zero."""
-RELAXED_ROUNDS = 3
-"""Solutions of an impulse where joints are redundant, whose relaxation weakens each of them."""
 MOST_MESSAGES = 100
 """Messages kept for the summary of a run; events.csv has all."""
 MOST_AT_ONCE = 200
@@ -229,20 +227,15 @@ class Switching:
         rows = np.zeros((node_count(system), 3))
         first = first_multiplier(system.frames)
         R = self.work_arrays.start.frames.R.copy()
-        values = jacobian_at_rest(system, state, self.work_arrays)
+        values = rigid_at_rest(system, state, self.work_arrays)
         if not system.relaxation and not is_regular(system, state, unknowns, values):
             raise self._impossible(
                 event, engaged[0], "others constrain the same already, so that it is redundant"
             )
-        impulse, left = np.zeros_like(rate), rate
-        for _ in range(RELAXED_ROUNDS if system.relaxation else 1):
-            rows[first:] = -left
-            change = solve_at_rest(system, state, rows, unknowns, values)
-            state.v[:] += change[system.frames.displacement]
-            dW = change[system.frames.rotation] / system.frames.length[:, None]
-            state.w[:] += np.einsum("bji,bj->bi", R, dW)
-            impulse += change[first:] * system.unit
-            left = self._rates()
+        rows[first:] = -rate
+        change = solve_at_rest(system, state, rows, unknowns, values)
+        add_to_velocities(system, state, change, R)
+        impulse, left = change[first:] * system.unit, self._rates()
         return {name: self._size_of(name, rate, left, impulse) for name in engaged}
 
     def _rates(self) -> np.ndarray:
@@ -282,8 +275,8 @@ class Switching:
         """Set accelerations and reactions to those of what is engaged now; contacts come after."""
         state, unknowns = self.state, self.unknowns
         if self.contacts is not None:
-            self.contacts.without = unknowns
-            unknowns = self.contacts.unknowns
+            self.contacts.held.without = unknowns
+            unknowns = self.contacts.held.unknowns
         if self.switches is not None and self.system.scalar is not None:
             place = self.system.scalar.equations.place[self.switches.row]
             state.violation[place[:, 0], place[:, 1]] = 0.0
@@ -332,7 +325,9 @@ class Switching:
         found = [] if own is None else list(zip(own.names, own.engaged.tolist(), strict=True))
         if self.contacts is not None:
             named = {name for event in self.deck for name in event.elements}
-            acts = dict(zip(self.sides.tolist(), self.contacts.contacts.acts.tolist(), strict=True))
+            acts = dict(
+                zip(self.sides.tolist(), self.contacts.held.contacts.acts.tolist(), strict=True)
+            )
             found += [(name, on) for name, on in acts.items() if name in named]
         return found
 
@@ -385,4 +380,4 @@ class Switching:
             else:
                 switches.release(self.system, own, k)
         if self.contacts is not None:
-            self.contacts.without = self.unknowns
+            self.contacts.held.without = self.unknowns

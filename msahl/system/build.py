@@ -11,7 +11,7 @@ import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import add, at, times
-from msahl.elements.constraints import coordinates
+from msahl.elements.constraints import coordinates, surfaces
 from msahl.elements.constraints.equations import left_side
 from msahl.jit.by_size import LARGE
 from msahl.jit.recent import Recent
@@ -87,6 +87,7 @@ def _set_constants(system: System, places: Places) -> None:
     R = np.array([matrix(at(places.p, f)) for f in range(len(places.p))])
     start = new_coordinates_workspace(group)
     coordinates.prepare(group, places.x, R, np.zeros(group.kind.size), start)
+    surfaces.choose_axes(group.products.surfaces, group.products, start.products)
     for r in np.flatnonzero(np.isnan(rows.offset)):
         rows.offset[r] = left_side(rows, system.laws, start, int(r))
     forces.set_origins(system.forces, start.value)

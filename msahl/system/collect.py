@@ -16,21 +16,28 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, ZERO, Vector, cross, dot, scale, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
+from msahl.elements.constraints import surfaces
 from msahl.elements.constraints.coordinate_kinds import PLAIN
-from msahl.elements.constraints.products import ROLL, SLIDE
+from msahl.elements.constraints.products import SURFACE
 from msahl.joints.coordinates import angle_offset
 from msahl.joints.joint import (
+    GROUND,
+    PARENT,
     Coincide,
     Coordinate,
     Equation,
     Product,
+    Surface,
     X,
     Y,
     Z,
+    box_distance,
     distance,
     distance_across,
     in_plane,
     perpendicular,
+    rim_height,
+    roll,
 )
 from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
@@ -43,6 +50,7 @@ from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
 from msahl.model.contacts import (
     BetweenPoints,
+    BoxContact,
     Contact,
     ContactSide,
     JointLimit,
@@ -124,7 +132,16 @@ class SlidingEntry(NamedTuple):
     row: int  # equation of the gap
     along: tuple[int, int]  # coordinates of the slip; their equations follow that of the gap
     column: int  # of the table of work
-    grip: float  # coefficient of static friction
+    grip: float  # coefficient of static friction, times the sign of the gap
+
+
+class RubbingEntry(NamedTuple):
+    """A compliant contact with friction, see ``ports.rubbing``."""
+
+    normal: CoordinateEntry
+    along: tuple[int, int]  # coordinates of the slip
+    friction: float
+    width: float
 
 
 class ConcentratedEntry(NamedTuple):
@@ -155,6 +172,7 @@ class Elements:
     signals: SignalEntries | None = None
     beams: list[BeamEntry] = field(default_factory=list)
     sliding: list[SlidingEntry] = field(default_factory=list)
+    rubbing: list[RubbingEntry] = field(default_factory=list)
 
     @property
     def ground(self) -> int:
@@ -327,27 +345,21 @@ class _Collector:
             EquationEntry(element, coordinate, -1, 0.0, equation, first_coefficient=0.0)
         )
         friction, grip = friction_of(contact)
-        if isinstance(contact, PlaneContact) and max(friction, grip) > 0.0:
+        if not isinstance(contact, JointLimit) and max(friction, grip) > 0.0:
             row, pair = len(self.elements.equations) - 1, self.elements.coordinates[coordinate][1]
-            slips = [self._slip(element, contact, t, pair) for t in tangents(contact.normal)]
-            self.elements.sliding.append(SlidingEntry(row, (slips[0], slips[1]), column, grip))
-
-    def _slip(self, element: int, contact: PlaneContact, direction: Vector, pair: Pair) -> int:
-        """Add the slip of a contact along a ``direction``: its coordinate, whose number is
-        returned, and the equation of one that sticks.
-
-        A sphere on a plane of a ground rolls as a disk does whose axis lies in the plane.
-        """
-        product = Product(SLIDE, direction)
-        if contact.radius > 0.0:
-            product = Product(ROLL, direction, up=scale(contact.radius, contact.normal))
-        slip = Coordinate(PLAIN, (product,))
-        coordinate, rate = self._add(slip, pair), contact.radius > 0.0
-        self.elements.equations.append(
-            EquationEntry(
-                *(element, coordinate, -1, 0.0, Equation(slip, 0.0, rate=rate)),
-                first_coefficient=0.0,
+            on_ground = self.elements.frame[contact.parent] == self.elements.ground
+            slips = [self._slip(element, slip, pair) for slip in slips_of(contact, on_ground)]
+            self.elements.sliding.append(
+                SlidingEntry(row, (slips[0], slips[1]), column, side.sign * grip)
             )
+
+    def _slip(self, element: int, slip: Equation, pair: Pair) -> int:
+        """Add one of the slips of a contact: its coordinate, whose number is returned, and the
+        equation of one that sticks.
+        """
+        coordinate = self._add(slip.first, pair)
+        self.elements.equations.append(
+            EquationEntry(element, coordinate, -1, 0.0, slip, first_coefficient=0.0)
         )
         return coordinate
 
@@ -358,6 +370,10 @@ class _Collector:
         along = distance()
         if isinstance(contact, PlaneContact):
             along = in_plane(contact.normal).first
+            if contact.axis is not None:
+                along = rim_height(contact.normal, contact.axis, contact.radius)
+        elif isinstance(contact, BoxContact):
+            along = box_distance(contact.axes, contact.half)
         elif isinstance(contact, SphereContact) and contact.axis is not None:
             x, y, _ = directions.frame(contact.axis)
             along = distance_across(x, y)
@@ -379,6 +395,20 @@ class _Collector:
                 joint=_pressing(CONTACT),
             )
             self.elements.along.append(entry)
+            self._rub(contact, entry)
+
+    def _rub(self, contact: Contact, normal: CoordinateEntry) -> None:
+        """Add the friction of a compliant contact, if it has some."""
+        compliance, (friction, _) = contact.compliance, friction_of(contact)
+        if isinstance(contact, JointLimit) or friction == 0.0:
+            return
+        assert compliance is not None
+        assert compliance.friction_width is not None
+        on_ground = self.elements.frame[contact.parent] == self.elements.ground
+        pair = self.elements.coordinates[normal.coordinate][1]
+        first, second = (self._add(slip.first, pair) for slip in slips_of(contact, on_ground))
+        entry = RubbingEntry(normal, (first, second), friction, compliance.friction_width)
+        self.elements.rubbing.append(entry)
 
     def _beams(self, element: int, column: int) -> int:
         """Add all beams, whose elements are numbered from ``element`` and columns of the table of
@@ -499,6 +529,34 @@ def _compliant_parameters(side: ContactSide) -> Parameters:
         ("damping", damping),
         ("side", side.sign),
     )
+
+
+def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equation]:
+    """Return the equations by which a contact sticks, along two tangents; ``on_ground`` says that
+    the parent is a ground.
+    """
+    if isinstance(contact, PlaneContact):
+        first, second = tangents(contact.normal)
+        if contact.radius == 0.0:
+            return in_plane(first), in_plane(second)
+        if on_ground:
+            given = (contact.normal, contact.axis or ZERO)
+            return roll(*given, first, contact.radius), roll(*given, second, contact.radius)
+    assert isinstance(contact, PlaneContact | SphereContact)
+    return _rubs(contact, False), _rubs(contact, True)
+
+
+def _rubs(contact: PlaneContact | SphereContact, second: bool) -> Equation:
+    """The surfaces do not move against each other along one of two tangents."""
+    if isinstance(contact, PlaneContact):
+        shape, n, radius = surfaces.PLANE, contact.normal, contact.radius
+    else:
+        radius = math.copysign(contact.radius, contact.parent_radius)
+        shape = surfaces.SPHERE if contact.axis is None else surfaces.CYLINDER
+        n = contact.axis or ZERO
+    owner = GROUND if shape == surfaces.SPHERE else PARENT
+    product = Product(SURFACE, n, owner, surface=Surface(shape, radius, second))
+    return Equation(Coordinate(PLAIN, (product,)), 0.0, rate=True)
 
 
 def tangents(normal: Vector) -> tuple[Vector, Vector]:

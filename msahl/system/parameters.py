@@ -12,7 +12,7 @@ from msahl.elements.beams.shape import shape
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
-from msahl.elements.constraints.products import Products
+from msahl.elements.constraints.products import Products, Surfaces
 from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.reactions import Reactions
 from msahl.elements.signals.coupling import coupling
@@ -20,6 +20,7 @@ from msahl.elements.signals.group import Signals
 from msahl.expressions.tape import Tape, build_tape
 from msahl.formulations.absolute.frames import Frames
 from msahl.formulations.absolute.rigid_body import RigidBodies
+from msahl.joints.joint import Surface
 from msahl.laws.registry import POINT_LAWS, constants
 from msahl.model import resolve
 from msahl.model.beams import Beam
@@ -30,6 +31,7 @@ from msahl.ports.concentrated import ConcentratedLoads
 from msahl.ports.coordinate import AlongForces
 from msahl.ports.forces import Forces
 from msahl.ports.point import PointForces
+from msahl.ports.rubbing import Rubbing
 from msahl.ports.sliding import Sliding
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
@@ -151,12 +153,27 @@ def _scalar(
                 s_a=_vectors(pair.s_a if p.up is None else p.up for p, pair in products),
                 s_b=_vectors(pair.s_b for _, pair in products),
                 e=_vectors(product.e for product, _ in products),
+                surfaces=_surfaces([product.surface for product, _ in products]),
             ),
             radius=_numbers(coordinate.radius for coordinate, _ in elements.coordinates),
         ),
         equations=_equations(elements, topology, frames),
         laws=laws,
         equation_column=topology.equation_column,
+    )
+
+
+def _surfaces(found: Sequence[Surface | None]) -> Surfaces | None:
+    """Return what products between surfaces have, None if there are none."""
+    if not any(found):
+        return None
+    entries = [(0, 0.0, False) if s is None else (s.shape, s.radius, s.second) for s in found]
+    shape, radius, second = zip(*entries, strict=True)
+    return Surfaces(
+        shape=np.array(shape),
+        radius=_numbers(radius),
+        second=np.array(second),
+        axis=np.zeros(len(entries), dtype=np.int64),
     )
 
 
@@ -212,6 +229,7 @@ def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) 
         else _concentrated(elements, elements.controlled, topology.controlled),
         signals=_signals(elements, topology),
         sliding=_sliding(elements) if elements.sliding else None,
+        rubbing=_rubbing(elements) if elements.rubbing else None,
         laws=laws,
     )
 
@@ -230,6 +248,19 @@ def _sliding(elements: Elements) -> Sliding:
         toward=np.tile([1.0, 0.0], (row.size, 1)),
         still=np.zeros(row.size),
         column=np.array([entry.column for entry in entries]),
+    )
+
+
+def _rubbing(elements: Elements) -> Rubbing:
+    """Return the compliant contacts with friction."""
+    entries = elements.rubbing
+    number = {id(entry): s for s, entry in enumerate(elements.along)}
+    return Rubbing(
+        normal=np.array([number[id(entry.normal)] for entry in entries]),
+        along=np.array([entry.along for entry in entries]),
+        friction=_numbers(entry.friction for entry in entries),
+        width=_numbers(entry.width for entry in entries),
+        column=np.array([entry.normal.column for entry in entries]),
     )
 
 

@@ -19,7 +19,15 @@ import numpy as np
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations, is_active
-from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
+from msahl.elements.constraints.products import (
+    DOT,
+    SLIDE,
+    SLIP,
+    SURFACE,
+    Products,
+    ProductsWorkspace,
+    Surfaces,
+)
 from msahl.elements.reactions import Reactions
 from msahl.formulations.absolute.frames import first_multiplier, ground_of, moving_count
 from msahl.ports import forces
@@ -184,13 +192,24 @@ def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates
     spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]
     products = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
     coords = Coordinates(
-        products=Products(*(array[products] for array in group.products)),
+        products=_subset(group.products, products),
         kind=group.kind[used],
         first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
         radius=group.radius[used],
         block=group.block[used],
     )
     return coords, number
+
+
+def _subset(group: Products, used: np.ndarray) -> Products:
+    """Return the products of the numbers ``used`` (n,)."""
+    surfaces = group.surfaces
+    if surfaces is not None:
+        some = (group.kind[used] == SURFACE).any()
+        surfaces = Surfaces(*(array[used] for array in surfaces)) if some else None
+    numbers = (group.kind[used], group.a[used], group.b[used], group.owner[used])
+    vectors = (group.n[used], group.s_a[used], group.s_b[used], group.e[used])
+    return Products(*numbers, *vectors, surfaces)
 
 
 def all_unknowns(system: System) -> np.ndarray:

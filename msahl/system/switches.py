@@ -19,7 +19,7 @@ from msahl.formulations.absolute.frames import first_multiplier
 from msahl.joints.joint import Equation
 from msahl.model import Joint, Model
 from msahl.system.arrays import System
-from msahl.system.build import build_system
+from msahl.system.build import Places, build_system
 from msahl.system.collect import collect, equations_of
 from msahl.system.parameters import tape_of
 
@@ -109,6 +109,22 @@ def with_own_laws(system: System) -> System:
     rows = system.scalar.equations
     own = system.scalar._replace(equations=rows._replace(law=rows.law.copy()))
     return system._replace(scalar=own)
+
+
+def build_at_start(
+    model: Model, relaxed: bool = False, places: Places | None = None
+) -> tuple[System, Switches | None]:
+    """Return the system of a model at t = 0, and the elements that events release or engage;
+    ``relaxed`` and ``places`` as in ``build_system``.
+    """
+    system = build_system(model, relaxed, places)
+    found = switches_of(model, system) if model.switched else None
+    if found is not None:
+        system = with_own_laws(system)
+        for k, name in enumerate(found.names):
+            if name in model.released:
+                release(system, found, k)
+    return system, found
 
 
 def build_released(model: Model) -> System:

@@ -8,7 +8,7 @@ import numpy as np
 
 from msahl.elements.beams import instant
 from msahl.elements.constraints import coordinates
-from msahl.formulations.absolute.frames import moving_count
+from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import LARGE, by_size, compiled_once
 from msahl.jit.storage import Storage
 from msahl.system import evaluate
@@ -76,3 +76,19 @@ def jacobian_at_rest(
     call(evaluate.joint_jacobian, system, start, math.sqrt(2.0), Z, values)
     instant.determine_resultants(system.beams, values)
     return values
+
+
+def rigid_at_rest(system: System, state: State, work_arrays: WorkArrays) -> np.ndarray:
+    """Return what ``jacobian_at_rest`` does with joints that are not relaxed where they are
+    redundant: impulses tell directions along which bodies hardly move from those along which they
+    cannot.
+    """
+    values = jacobian_at_rest(system, state, work_arrays)
+    if not system.relaxation:
+        return values
+    row, column = system.blocks.T
+    own = np.flatnonzero((row == column) & (row >= first_multiplier(system.frames)))
+    exact = values.copy()
+    for i in range(3):
+        exact[9 * own + 4 * i] += system.relaxation
+    return exact

@@ -31,6 +31,7 @@ WRITING = [
     (main, "new", "pendulum"),
     (main, "schema"),
     (main, "import", ROBOT),
+    (main, "export", "loads", RUN),
     (post, "report", RUN),
     (post, "plot", RUN, "path"),
     (post, "view", RUN),

@@ -251,4 +251,4 @@ def test_gradients_refuse_compliant_contacts(tmp_path):
     ]
     done = CliRunner().invoke(main, command)
     assert done.exit_code == 3
-    assert "compliant contacts (Floor)" in done.output
+    assert "contacts (Floor), and derivatives are not followed through impacts" in done.output

@@ -357,3 +357,85 @@ def test_friction_works_between_steps_as_well():
     kinetic += 0.5 * sphere.inertia[0][0] * (w**2).sum(axis=1)
     assert work[-1].sum() == pytest.approx(-0.571428571428571, abs=1e-6)
     np.testing.assert_allclose(kinetic, kinetic[0] + work.sum(axis=1), rtol=0.0, atol=1e-6)
+
+
+def stick_slip():
+    """Times of the events of a block of 1 kg on a spring of 100 N/m with a force 12 sin 5t, mu = .2
+    and a static .4, up to 2 s, and its velocity at 2 s: pieces x = A cos 10t + B sin 10t + .16 sin
+    5t - s mu g/100 in a slip towards s, each from where the force at rest is .4 g to where v = 0.
+    """
+    from scipy.optimize import brentq
+
+    def first(f, t):  # change of sign after t; the shortest piece takes 40 ms
+        while f(t) * f(t + 1e-3) > 0.0:
+            t += 1e-3
+        return brentq(f, t, t + 1e-3, xtol=1e-15)
+
+    begins = first(lambda t: 12.0 * np.sin(5.0 * t) - 3.924, 0.0)
+    times, x = [begins], 0.0
+    while True:
+        force = 12.0 * np.sin(5.0 * begins) - 100.0 * x
+        middle = -np.sign(force) * 0.01962
+        shift, rate = x - middle - 0.16 * np.sin(5.0 * begins), -0.8 * np.cos(5.0 * begins)
+
+        def v(t, begins=begins, shift=shift, rate=rate):
+            angle = 10.0 * (t - begins)
+            return -10.0 * shift * np.sin(angle) + rate * np.cos(angle) + 0.8 * np.cos(5.0 * t)
+
+        ends = first(v, begins + 1e-3)
+        if ends > 2.0:
+            return times, v(2.0)
+        angle = 10.0 * (ends - begins)
+        x = middle + 0.16 * np.sin(5.0 * ends)
+        x += shift * np.cos(angle) + 0.1 * rate * np.sin(angle)
+        times.append(ends)
+        begins = ends
+        if abs(12.0 * np.sin(5.0 * ends) - 100.0 * x) < 3.924:
+            grip = np.sign(5.0 * np.cos(5.0 * ends)) * 3.924
+            begins = first(lambda t, x=x, F=grip: 12.0 * np.sin(5.0 * t) - 100.0 * x - F, ends)
+            times.append(begins)
+
+
+def shaken():
+    """The block of ``stick_slip``."""
+    push = ConcentratedLoad(
+        "Push",
+        "Block",
+        ZERO,
+        (12.0, 0.0, 0.0),
+        GROUND.name,
+        ZERO,
+        GROUND.name,
+        law=Law("sine", (1.0, 5.0, 0.0, 0.0)),
+    )
+    return oscillator(100.0, (push,), mu=0.2, static_friction=0.4)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "steps", "least"),
+    [("gauss2", (0.02, 0.01, 0.005), 3.9), ("gauss3", (0.04, 0.02, 0.01), 5.8)],
+)
+def test_order_through_breaks_from_static_friction(scheme, steps, least):
+    """Steps are halved: at other ratios the parts into which events divide steps differ more."""
+    model = shaken()
+    times, v = stick_slip()
+    errors = []
+    for dt in steps:
+        _, sink, events = run_events(model, scheme, dt, 2.0)
+        assert kinds(events) == ["slides", "slides", "slides", "sticks", "slides"]
+        found = [event[0] for event in events if event[0] > 0.0]
+        assert found[0] == pytest.approx(times[0], abs=1e-13)
+        errors.append([*np.subtract(found, times)[1:], sink.table("states")[-1, 7] - v])
+    orders = np.log2(np.abs(np.divide(errors[:-1], errors[1:])))
+    assert (orders >= least).all()
+
+
+def test_tolerance_holds_through_breaks_in_large_steps():
+    """A step from the break may last beyond the end of the slip, which is zero at both."""
+    model = shaken()
+    model = replace(model, simulation=replace(model.simulation, output_interval=2.0))
+    _, sink, events = run_events(model, "auto", None, 2.0, 1e-6)
+    times, v = stick_slip()
+    found = [event[0] for event in events if event[0] > 0.0]
+    assert found == pytest.approx(times, abs=1e-5)  # places to 1e-6 m at up to 1 m/s
+    assert sink.table("states")[-1, 7] == pytest.approx(v, abs=1e-4)

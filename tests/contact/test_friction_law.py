@@ -6,8 +6,8 @@ import pytest
 from msahl.contact.friction import Cones, Jammed, solve
 from msahl.contact.impact import SeveralAtOnce, impulses
 
-MECHANISMS = 300
-"""Random mechanisms that are tried."""
+EXACT = 4e-12
+"""Violation of a condition, over the terms: units of contacts differ from those of the solution."""
 
 
 def cones(count, mu):
@@ -38,29 +38,33 @@ def mechanism(rng):
     return count, 0.5 * (W + W.T), G @ u
 
 
-def test_random_mechanisms():
+@pytest.mark.parametrize("mechanisms", [300, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_random_mechanisms(mechanisms):
+    """The conditions of the problem itself, which no method solves here; poisson gains no energy.
+
+    Newton's method leaves 1e-12 of the largest term (``friction.EXACT``).
+    """
     rng, tried = np.random.default_rng(36), 0
-    for _ in range(MECHANISMS):
+    for _ in range(mechanisms):
         (count, W, v), mu, e = mechanism(rng), 1.5 * rng.random(), rng.random()
         if not (v[:count] < 0.0).any():
             continue
         tried += 1
         given = cones(count, mu)
         z = solve(W, v, given)
-        w, n = W @ z + v, given.normal
-        near = 1e-11 * (1.0 + np.abs(v).max() + np.abs(W * z).max())
-        assert z[n].min() >= 0.0 or -z[n].min() < near
-        assert w[n].min() > -near
-        assert np.abs(np.minimum(z[n], w[n])).max() < near
+        w, n, size = W @ z + v, given.normal, 1.0 + np.abs(z).max()
+        near = EXACT * (1.0 + np.abs(v).max() + np.abs(W * z).max())
+        assert z[n].min() >= -near
+        assert w[n].min() >= -near
+        assert np.abs(np.minimum(z[n], w[n])).max() <= near
         for k, t in enumerate(given.tangent):
             force, slip = z[t], w[t]
             assert np.hypot(*force) <= mu * z[k] + near
-            assert np.abs(force * np.hypot(*slip) + mu * z[k] * slip).max() < near * (
-                1.0 + np.abs(z).max()
-            )
+            aligned = force * np.hypot(*slip) + mu * z[k] * slip
+            assert np.abs(aligned).max() <= near * size
         L = impulses("poisson", W, v, np.full(count, e), given)
-        assert L @ (v + 0.5 * W @ L) <= near
-    assert tried > 0.6 * MECHANISMS
+        assert L @ (v + 0.5 * W @ L) <= near * size
+    assert tried > 0.6 * mechanisms
 
 
 def stepped(W, v, L_n, mu, steps=4000):

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
+from msahl.deck import read_deck
 from msahl.model import Compliance, SphereContact
 from tests.contact.models import DOWN, run_events
-from tests.support.models import GROUND, body, build_model, deck
+from tests.support.models import GROUND, ROOT, body, build_model, deck
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -65,3 +67,30 @@ def test_a_point_bounces_across_a_soft_hollow_round(axis, scheme):
         [0.8 - 2.0 * left, -2.0], abs=1e-9 if scheme == "gauss3" else 1e-4
     )
     assert report.extremes["energyErrorMax"] < 1e-12
+
+
+def test_balls_of_a_cradle_strike_one_after_the_other():
+    _, sink, events = run_events(deck("newtons_cradle"), "gauss3", t_final=1.0)
+    assert [event[2] for event in events] == ["Hit1", "Hit2", "Hit3", "Hit4"]
+    quarter = float(np.sqrt(0.502 / 9.81) * ellipk(np.sin(np.radians(15.0)) ** 2))
+    speed = 0.5 * float(np.sqrt(2.0 * 9.81 / 0.502 * (1.0 - np.cos(np.pi / 6.0))))
+    # From there the first ball still has the gap of 1 um to go.
+    assert events[0][0] - quarter == pytest.approx(1e-6 / speed, abs=1e-9)
+    # Each swings on for at most four gaps before it is struck, to a height of 2e-11 m.
+    assert [event[4] for event in events] == pytest.approx([speed] * 4, abs=1e-9)
+    angles = np.abs(sink.table("joints")[:, 1::2])
+    assert angles[:, 4].max() == pytest.approx(np.radians(30.0), abs=1e-4)  # rows every 10 ms
+    assert angles[40:, :4].max() < 2e-5  # they stay where they were struck, four gaps over 0.5 m
+
+
+def test_balls_of_a_cradle_that_touch_are_struck_at_once():
+    """Bodies that stay together come back as one: the first with 1 - 2 (4/5), the others 2/5."""
+    model = read_deck(ROOT / "decks/contact/newtons_cradle.xml", settings=["distance=0.1 m"])
+    report, _, events = run_events(model, "gauss3", t_final=0.5)
+    assert len({event[0] for event in events}) == 1
+    speed = -events[0][3]
+    assert [event[4] / speed for event in events] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-12)
+    impulses = [event[5] / speed for event in events]
+    # Each ball gets what is left of 8/5 m v; m is that of the pendulum at the ball, 1.004 kg.
+    assert impulses == pytest.approx([1.004 * k / 2.5 for k in (4, 3, 2, 1)], rel=1e-9)
+    assert report.extremes["energyErrorMax"] < 1e-11

@@ -58,6 +58,18 @@ def test_a_box_tumbles_and_comes_to_rest_on_a_face(tmp_path, scheme):
     assert 0.0 < lost < 0.5 * 4.0 + 0.5 * (0.09 + 0.5 + 0.03) + 9.81
 
 
+def test_slips_of_a_face_that_lands_end_at_once(tmp_path):
+    """By steps of a tolerance it lands with slips of 3e-7 m/s at four corners, whose ways of 1e-14
+    m no step resolves.
+    """
+    model = model_of(tmp_path, bodies=BOX, contacts=CORNERS)
+    given = {"tolerance": None, "local_tolerance": 1e-7, "output_interval": 0.01}
+    model = replace(model, simulation=replace(model.simulation, **given))
+    report, sink, _ = run_events(model, "auto")
+    assert report.status == "completed"
+    assert np.abs(sink.table("states")[-1, 7:13]).max() < 1e-9
+
+
 def test_a_chain_of_rods_falls_flat(tmp_path):
     """Five points in a line meet the floor at once; along the rods all but one of their slips are
     the same, so their shares of friction are not unique.

@@ -78,8 +78,8 @@ def test_every_element_has_a_deck():
     tags = {e.tag for path in files for e in etree.parse(path).iter(etree.Element)}
     declared = set(re.findall(r'<xs:element name="(\w+)"', schema_bytes().decode()))
     # What only a unit test shows: guesses, the other kinds of coefficient, joint tables, rows and
-    # steps that are no deck's own affair; an exponent with which a contact has no order.
-    rare = {"a3", "angularDamping", "assembly", "c0", "c3", "c4", "c5", "freeSlide", "exponent"}
+    # steps that are no deck's own affair.
+    rare = {"a3", "angularDamping", "assembly", "c0", "c3", "c4", "c5", "freeSlide"}
     # Coordinates of joints at the start, which are read alike.
     rare |= {"angle1", "angle1Rate", "angle2", "angle2Rate", "slide", "slideRate", "slide1"}
     rare |= {"slide1Rate", "slide2", "slide2Rate", "P1", "P2", "P3"}

@@ -181,24 +181,24 @@ def _is_number(text: str | None) -> bool:
 
 
 @cache
-def _seeds() -> tuple[bytes, ...]:
-    return tuple(path.read_bytes() for path in DECKS)
+def _seeds(folder: str = "") -> tuple[bytes, ...]:
+    return tuple(path.read_bytes() for path in DECKS if folder in ("", path.parent.name))
 
 
 @st.composite
-def mutants(draw, changes=CHANGES + GENTLE, most=4) -> bytes:
-    """A deck of the collection, changed in one to ``most`` places."""
+def mutants(draw, changes=CHANGES + GENTLE, most=4, folder="") -> bytes:
+    """A deck of the collection, or of a ``folder`` of it, changed in one to ``most`` places."""
     parser = etree.XMLParser(remove_comments=True)
-    root = etree.fromstring(_of(draw, _seeds()), parser)
+    root = etree.fromstring(_of(draw, _seeds(folder)), parser)
     for _ in range(draw(st.integers(1, most))):
         change = _of(draw, changes)
         change(draw, _of(draw, list(root.iter())))
     return etree.tostring(root)
 
 
-def gentle_mutants(most=2):
+def gentle_mutants(most=2, folder=""):
     """Decks with a few numbers changed, most of which run."""
-    return mutants(GENTLE, most)
+    return mutants(GENTLE, most, folder)
 
 
 @st.composite

@@ -35,6 +35,8 @@ SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
 ROUND = 100
 """Examples between two looks at the clock."""
 STEPS = 4
+TO_CONTACT = 60
+"""Steps after which most decks of contacts have had one."""
 MOST_STEPS = 1000
 """Of a run with options drawn: what asks for more is omitted, for it is only slow."""
 
@@ -175,14 +177,14 @@ def test_bytes_are_reported_why_they_are_no_deck(data):
     return is_judged(data)
 
 
-def is_run(data, options, pictures) -> str:
-    """``explain``, ``run`` for a few steps, and the reports on it."""
+def is_run(data, options, pictures, steps=STEPS) -> str:
+    """``explain``, ``run`` for a few ``steps``, and the reports on it."""
     with Example(data) as example:
         model = example.model()
         if model is None:
             return "refused"
         explained = call(main, "explain", example.deck)
-        end = min(STEPS * model.simulation.dt, 1e100)
+        end = min(steps * model.simulation.dt, 1e100)
         run = example.folder / "run"
         ran = call(main, "run", example.deck, "-o", run, "--t-final", end, *options)
         # Large steps of a changed deck may be so wrong that the verdict says it.
@@ -215,16 +217,26 @@ ways = st.tuples(
 )
 
 
-@over(st.tuples(gentle_mutants(), ways), 25, 0.2)
+@over(st.tuples(gentle_mutants(), ways), 25, 0.15)
 def test_a_deck_with_other_numbers_runs_or_says_why_not(example):
     data, (options, pictures) = example
     return is_run(data, options, pictures)
 
 
-@over(st.tuples(models(), ways), 40, 0.25)
+@over(st.tuples(models(), ways), 40, 0.2)
 def test_a_model_of_extreme_numbers_runs_or_says_why_not(example):
     data, (options, pictures) = example
     return is_run(data, options, pictures)
+
+
+schemes = st.sampled_from(["preserving", "decaying", "gauss2", "gauss3", "radau2", "auto"])
+
+
+@over(st.tuples(gentle_mutants(folder="contact"), schemes), 12, 0.1)
+def test_a_deck_with_contacts_and_other_numbers_runs_or_says_why_not(example):
+    """Without an end of events, too: their number at one time and in one step is bounded."""
+    data, scheme = example
+    return is_run(data, ("--scheme", scheme), False, TO_CONTACT)
 
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"

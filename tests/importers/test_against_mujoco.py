@@ -56,6 +56,7 @@ def test_accelerations_and_a_fall_of_two_seconds(machine):
     start = ImportOptions(
         pose=dict(zip(names, numbers["q"], strict=True)),
         rates=dict(zip(names, numbers["v"], strict=True)),
+        contacts="none",
     )
     model = msahl.load(import_file(path, start).source.data)
     result = model.run(scheme="gauss5", dt=5e-3, t_final=2.0, accelerations="yes", error="off")

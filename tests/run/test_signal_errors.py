@@ -117,7 +117,8 @@ def test_reactions_of_an_overconstrained_loop_are_the_least(scheme):
 
 @pytest.mark.parametrize(("share", "word"), [(0.9, None), (1.1, WARN)])
 def test_an_error_of_forces_is_judged_by_the_largest(share, word):
-    sizes = {"largest": {"force": 50.0}, "force": share * 50.0}
+    errors = {"force": share * 50.0}
+    sizes = {"largest": {"force": 50.0}, "lasting": errors, **errors}
     verdict = judge(replace(GOOD, error=GOOD.error | sizes), Limits()).as_json()
     assert verdict["checks"].get("forceError", {}).get("word") == word
 

@@ -150,7 +150,11 @@ def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
 
 @pytest.mark.parametrize(
     "where",
-    ["msahl.run.record._energy_scale", "msahl.run.subsystem.build_system", "msahl.run.loop.digest"],
+    [
+        "msahl.run.record._energy_scale",
+        "msahl.run.subsystem.build_at_start",
+        "msahl.run.loop.digest",
+    ],
 )
 def test_preparation_answers(tmp_path, monkeypatch, where):
     """Before there is a step there is nothing to keep: it stops, and the folder says so."""

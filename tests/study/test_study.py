@@ -18,6 +18,7 @@ from msahl.deck import read_deck
 from msahl.model import Options
 from msahl.model.scheme import ORDER_TWO, decaying
 from msahl.post.draw import style
+from msahl.results.read import ResultError
 from msahl.study import independent as independent_module
 from msahl.study import page, reference_cache
 from msahl.study.dynamics import Dynamics
@@ -76,6 +77,23 @@ def test_observed_orders(name):
         fit = result.fits["preserving", key]
         assert fit is not None, key
         assert fit.order == pytest.approx(2.0, abs=0.1), key
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("preserving", 2), ("gauss2", 4)])
+def test_orders_through_impacts(scheme, order):
+    """A pendulum that hits a wall: five impacts, compared with runs at small steps."""
+    model = deck("contact/pendulum_at_a_wall", t_final=1.5)
+    result = study(Plan(model, (0.04, 0.02, 0.01, 0.005), (scheme,), repeats=1))
+    assert "has no contacts and events" in result.reference.description
+    fit = result.fits[scheme, "orientation"]
+    assert fit is not None
+    assert fit.order == pytest.approx(order, abs=0.3)  # steps that events end are shorter
+    assert result.fits.get((scheme, "instantaneous_reaction")) is None
+
+
+def test_an_independent_reference_has_no_contacts():
+    with pytest.raises(ResultError, match="neither contacts nor events: use --reference auto"):
+        study(patient_plan(deck("contact/pendulum_at_a_wall"), HALVED, ("preserving",), repeats=1))
 
 
 @pytest.mark.parametrize("name", ["thesis/top_1", "thesis/top_3"])

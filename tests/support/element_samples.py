@@ -16,6 +16,7 @@ from msahl.algebra.vector import ZERO
 from msahl.expressions.syntax import Call, Lookup, Name, parse
 from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
+    BoxContact,
     Bushing,
     Compliance,
     ConcentratedLoad,
@@ -462,6 +463,8 @@ LOADS = {
 
 SOFT = {"restitution": 0.6, "compliance": Compliance(3.0, 1.5, 20.0)}
 """Of contacts that are so deep that random motions do not leave them."""
+ROUGH = {"restitution": 0.6, "compliance": Compliance(3.0, 1.5, 20.0, 0.5), "friction": 0.4}
+"""The same with friction, whose width random slips pass."""
 
 
 def in_contact(contact):
@@ -503,6 +506,33 @@ CONTACTS = {
     ),
     "sphereContact, hollow": in_contact(
         SphereContact("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), -0.3, 0.1, **SOFT)
+    ),
+    "boxContact": in_contact(
+        BoxContact("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2), 6.0, **SOFT)
+    ),
+    "planeContact, disk": in_contact(
+        PlaneContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), (0.6, 0.0, 0.8)),
+            radius=9.0,
+            axis=(0.0, 0.6, 0.8),
+            **SOFT,
+        )
+    ),
+    "planeContact, friction": in_contact(
+        PlaneContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), (0.6, 0.0, 0.8)),
+            radius=6.0,
+            **ROUGH,
+        )
+    ),
+    "sphereContact, friction": in_contact(
+        SphereContact("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), 4.0, 2.0, **ROUGH)
+    ),
+    "cylinderContact, friction": in_contact(
+        SphereContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), 4.0, 2.0, (0.6, 0.0, 0.8)),
+            **ROUGH,
+        )
     ),
 }
 

@@ -136,7 +136,7 @@ def test_the_trebuchet_throws_its_stone(tmp_path):
     assert landing == pytest.approx(149.419, abs=1e-2)
 
 
-@pytest.mark.parametrize("command", ["modes", "equilibrium", "kinematics", "study"])
+@pytest.mark.parametrize("command", ["linearize", "kinematics"])
 def test_analyses_refuse_events(tmp_path, command):
     text = TEXT[: TEXT.index("    <contacts>")] + TEXT[TEXT.index("    <markers>") :]
     (tmp_path / "deck.xml").write_text(text.replace("<release>Trough</release>", ""))

@@ -30,7 +30,7 @@ from msahl.run.report import Report
 from msahl.run.tables import SIGNALS, STATES, MemorySink
 from msahl.system.build import build_system
 from msahl.system.names import signal_columns
-from tools.validation import error_beams, error_scenes, pieces, reference
+from tools.validation import error_beams, error_contacts, error_scenes, pieces, reference
 from tools.validation.csv_tables import read_records, write_records
 from tools.validation.error_cases import CASES
 from tools.validation.error_models import REFINEMENTS, Case
@@ -169,8 +169,8 @@ def first_row(case: Case) -> np.ndarray:
 
 def truth_of(case: Case) -> reference.Truth:
     """Return the reference solution, from the cache if model, times and code are the same."""
-    modules = (reference, pieces, error_scenes) if case.motion else (reference,)
-    modules = (error_beams,) if case.own_truth else modules
+    modules = [reference, pieces, error_scenes] if case.motion else [reference]
+    modules = [error_beams, error_contacts] if case.own_truth else modules
     key = hashlib.sha256()
     for module in modules:
         key.update(Path(str(module.__file__)).read_bytes())

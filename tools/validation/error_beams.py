@@ -121,12 +121,14 @@ def _finer(text: str) -> FinerMesh | None:
 
 def truth(case: Case, fine: Model) -> Truth:
     """Return the reference of a case, and of a ``fine`` mesh of it, each by two schemes."""
-    (states, columns), (other, other_columns) = (_solve(case, case.model, way) for way in TWO_WAYS)
+    (states, columns), (other, other_columns) = (
+        solve_at(case, case.model, way) for way in TWO_WAYS
+    )
     mine, exact = common_places(case.model), common_places(fine)
     shared = [place for place in mine if place in exact]
     where, there = ([group[place] for place in shared] for group in (mine, exact))
     places, places_other = (
-        _solve(case, fine, way)[0].reshape(len(states), -1, 4, 3)[:, there, 0] for way in TWO_WAYS
+        solve_at(case, fine, way)[0].reshape(len(states), -1, 4, 3)[:, there, 0] for way in TWO_WAYS
     )
     return Truth(
         case.times,
@@ -142,9 +144,12 @@ def truth(case: Case, fine: Model) -> Truth:
     )
 
 
-def _solve(
+def solve_at(
     case: Case, model: Model, way: tuple[str, int, int]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return states (m, 12 n) and signals of a ``model`` at the output times of a case, by scheme,
+    degree and steps per output time.
+    """
     scheme, degree, per_output = way
     simulation = replace(
         model.simulation,

@@ -26,6 +26,7 @@ from msahl.analysis.equilibria.equilibrium import (
 )
 from msahl.analysis.equilibria.moved import moved_model
 from msahl.analysis.equilibria.search import find
+from msahl.analysis.equilibria.slipping import none_found
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close
 from msahl.analysis.linearised.steady import residual_in_words
@@ -70,11 +71,11 @@ def _found(model: Model) -> tuple[Point, Solution]:
     start = search_start(model)
     solution = find(start, np.zeros(3))
     if solution is None:
-        raise StartError(
-            "no equilibrium was found from where the deck has the bodies (<simulation start="
-            '"equilibrium">); place them nearer to one, or look for it with msahl equilibrium '
-            "--starts"
+        otherwise = (
+            'from where the deck has the bodies (<simulation start="equilibrium">); place them '
+            "nearer to one, or look for it with msahl equilibrium --starts"
         )
+        raise StartError(none_found(start, otherwise))
     return start, solution
 
 

@@ -24,8 +24,8 @@ from msahl.algebra.functions import Law, build_laws, evaluate
 from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.linearised.plain_units import equation_scale
-from msahl.analysis.linearised.point import Point, at_start, complete, placed
-from msahl.analysis.linearised.projection import close, move
+from msahl.analysis.linearised.point import Point, at_start, closed, placed, settled
+from msahl.analysis.linearised.projection import move
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
@@ -39,6 +39,10 @@ DESCENT, NEWTON = "descent", "Newton's method"
 MOST_ITERATIONS = 200
 MOST_WAITING = 60
 """Iterations without a smaller residual after which a search ends."""
+MOST_WHILE_TOUCHING = 12
+"""Likewise, where contacts touch: on a slope forces stay the same for ever, but for round-off."""
+PROGRESS = 1.0 - 1e-6
+"""Residual over the smallest one that is smaller by more than round-off."""
 LARGEST_ROTATION = 0.4
 """Of a body in one step [rad]; displacements likewise, over the length of the system."""
 BALANCED = 1e-9
@@ -114,7 +118,7 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         size = float(np.linalg.norm(_lengths(place, step)))
         if size <= ROUND_OFF * size_of(place.point) or waited > 3:
             break
-        if iterations > last + MOST_WAITING:
+        if iterations > last + _patience(place.point):
             break
         following = _line_search(place, step, spin, stable)
         if following is None:
@@ -123,24 +127,30 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         better = np.linalg.norm(place.residual) < 0.5 * np.linalg.norm(smallest.residual)
         # At round-off the residual stops falling.
         waited = 0 if better or smallest.balance.relative > BALANCED else waited + 1
-        if np.linalg.norm(place.residual) < np.linalg.norm(smallest.residual):
-            smallest, last = place, iterations
+        now, least = (float(np.linalg.norm(of.residual)) for of in (place, smallest))
+        if now < least:
+            last = iterations if now < PROGRESS * least or point.touching is None else last
+            smallest = place
     converged = smallest.balance.relative <= BALANCED and states_rest(smallest)
     method = DESCENT if stable else NEWTON
     return Solution(smallest, iterations, converged, _flat_directions(smallest), method)
 
 
+def _patience(point: Point) -> int:
+    """Return the number of iterations without a smaller residual after which a search ends."""
+    touches = point.touching is not None and bool(point.touching.touches.any())
+    return MOST_WHILE_TOUCHING if touches else MOST_WAITING
+
+
 def balance_at(point: Point, spin: np.ndarray) -> Equilibrium:
     """Return how far a ``point`` is from an equilibrium, whatever its velocities are."""
-    state = _rotating(point.state, spin, axis_point(point, spin))
-    there = complete(point.model, point.system, state, point.unknowns)
+    there = settled(point, _rotating(point.state, spin, axis_point(point, spin)))
     return residual_in(coefficients(there.system, there.state), spin)
 
 
 def evaluated(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
     """Evaluate a configuration with the velocities of the steady rotation."""
-    state = _rotating(point.state, spin, centre)
-    point = complete(point.model, point.system, state, point.unknowns)
+    point = settled(point, _rotating(point.state, spin, centre))
     found = coefficients(point.system, point.state)
     moving = bool(spin.any())
     B = (
@@ -172,9 +182,16 @@ def _rotating(state: State, spin: np.ndarray, centre: np.ndarray) -> State:
 
 
 def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
-    """(3,) a point of the axis about which the constraints let the model rotate with ``spin``."""
+    """(3,) a point of the axis about which the constraints let the model rotate with ``spin``.
+    Raises ``StartError`` if they do not, or if the model has contacts.
+    """
     if not spin.any():
         return np.zeros(3)
+    if point.touching is not None:
+        raise StartError(
+            "the model has rigid contacts, which steady rotations do not know; look for an "
+            "equilibrium at rest, or give contacts a <stiffness>"
+        )
     system, state = point.system, point.state
     found = coefficients(system, _rotating(state, spin, np.zeros(3)))
     G = found.constraint.toarray()
@@ -233,7 +250,14 @@ def _descent(place: Place) -> np.ndarray:
     back = np.linalg.inv(R)
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    terms = float(np.linalg.norm(stiffness_weight(place.found, place.linear) @ back, 2)) ** 2
+    terms = (
+        float(
+            np.linalg.norm(
+                stiffness_weight(place.found, place.linear, place.point.pressing) @ back, 2
+            )
+        )
+        ** 2
+    )
     # Where nothing has any stiffness, as in a level pendulum, the forces alone say what is little.
     force = float(np.linalg.norm(back.T @ place.residual[:d])) / size_of(place.point)
     largest = max(float(np.abs(values).max(initial=0.0)), force)
@@ -296,7 +320,7 @@ def moved(place: Place, step: np.ndarray) -> Point:
     dq.reshape(-1)[place.found.coordinate] = place.linear.places[:, :d] @ step[:d]
     state = move(point.system, point.state, dq)
     state = state._replace(auxiliary=state.auxiliary + step[d:])
-    return replace(point, state=close(point.system, state, point.unknowns))
+    return closed(point, state)
 
 
 def size_of(point: Point) -> float:
@@ -321,7 +345,7 @@ def _flat_directions(place: Place) -> int:
     if not d:
         return 0
     _, values, right = np.linalg.svd(place.jacobian, full_matrices=False)
-    weight = stiffness_weight(place.found, place.linear)
+    weight = stiffness_weight(place.found, place.linear, place.point.pressing)
     terms = np.sum((weight @ right[:, :d].T) ** 2, axis=0)
     cancelled = int(np.count_nonzero(values <= CANCELLED * terms))
     by_lengths = np.linalg.svd(_by_lengths(place), compute_uv=False)

@@ -10,6 +10,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import Solution, size_of
 from msahl.analysis.equilibria.stability import stability
 from msahl.analysis.equilibria.tables import state_row
+from msahl.analysis.linearised.contact_lines import RANGE, contact_lines, sticks
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import residual_in_words
 from msahl.analysis.modes.mode_lines import counted
@@ -39,6 +40,8 @@ def lines(start: Point, found: list[Solution], in_space: Sequence[str] = ()) -> 
             f"  residual {residual_in_words(balance.residual, balance.relative)}, "
             f"{counted(solution.iterations, 'iteration')} of {solution.method}"
             + (f"; {counted(flat, 'direction')} without stiffness" if flat else ""),
+            *(f"  {line}" for line in contact_lines(point)),
+            *([f"  {RANGE}"] if sticks(point) else []),
             *_places(start, point),
             *(in_space if number == 1 else ()),
         ]

@@ -180,6 +180,12 @@ class Path:
     """The path of equilibria of a model, from the unloaded one on."""
 
     def __init__(self, point: Point) -> None:
+        """Raises ``StartError`` for a model with contacts."""
+        if point.touching is not None:
+            raise StartError(
+                "the model has rigid contacts, which may open and close along the path; look for "
+                "its equilibrium without --load-path, or give contacts a <stiffness>"
+            )
         self.statics = Statics(point.system, point.state)
         # Whether stiffnesses spread too far for resultants to be eliminated.
         self._is_spread: bool | None = None

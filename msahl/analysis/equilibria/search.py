@@ -32,6 +32,7 @@ from msahl.analysis.equilibria.equilibrium import (
 )
 from msahl.analysis.equilibria.flips import Hinge, flipped, hinges_of
 from msahl.analysis.equilibria.load_path import grown
+from msahl.analysis.equilibria.one_sided import trials
 from msahl.analysis.equilibria.stability import is_stable
 from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
 from msahl.analysis.equilibria.static_newton import Rest, newton
@@ -146,6 +147,8 @@ def _reached(point: Point, spin: np.ndarray) -> Iterator[Solution]:
 def _methods(point: Point, spin: np.ndarray) -> list[list[Callable[[], Solution]]]:
     """The groups of methods by which a model is searched."""
     dense = [lambda: solve(point, spin, True), lambda: solve(point, spin, False)]
+    if point.touching is not None:
+        return [[lambda: _with_contacts(point, spin)]] if point.model.beams else [dense]
     sparse = [lambda: by_multipliers(point, spin)]
     last = [lambda: by_continuation(point, spin)]
     if point.model.beams:
@@ -153,6 +156,18 @@ def _methods(point: Point, spin: np.ndarray) -> list[list[Callable[[], Solution]
     if is_large(point):
         return [sparse, last]
     return [sparse, dense, last] if coordinate_count(point) > QUICK else [dense, sparse, last]
+
+
+def _with_contacts(point: Point, spin: np.ndarray) -> Solution:
+    """Return the equilibrium of beams with contacts; raises ``StartError``."""
+
+    def first(start: Point) -> Solution:
+        try:
+            return by_continuation(start, spin)
+        except StartError:
+            return by_multipliers(start, spin)
+
+    return trials(point, first, lambda trial: by_multipliers(trial, spin))
 
 
 def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
@@ -208,7 +223,8 @@ def _closed(point: Point, state: State, spin: Spin, iterations: int, method: str
     """
     state = close(point.system, with_rates(state, spin), point.unknowns)
     there = complete(point.model, point.system, state, point.unknowns)
-    if coordinate_count(point) <= QUICK:
+    there = replace(there, touching=point.touching)
+    if coordinate_count(point) <= QUICK and point.touching is None:
         solution = solve(there, spin.rate, stable=False)
         return solution._replace(iterations=iterations + solution.iterations, method=method)
     found = coefficients(there.system, there.state)

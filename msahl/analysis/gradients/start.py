@@ -23,9 +23,10 @@ ROUND_OFF = 2e-15
 """Change of a number relative to it that is no change."""
 NEGLIGIBLE = 1e-12
 """Number that does not limit the shifts of differences."""
-COMPLIANT = (
-    "the model has compliant contacts ({}), and derivatives are not followed through their touches "
-    "and releases; compare runs with neighbouring numbers instead (msahl sweep)"
+CONTACTS = (
+    "the model has contacts ({}), and derivatives are not followed through impacts, touches and "
+    "releases, whose times change with every number; compare runs with neighbouring numbers "
+    "instead (msahl sweep)"
 )
 SMALL = 1e-2
 """Fraction of the largest number of its kind that any one counts as: it may be a rounding error."""
@@ -73,10 +74,10 @@ def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0, as a run has them, each with its first row. Raises
     ``NotDifferentiable`` for a model with contacts or events.
     """
+    if model.contacts:
+        raise NotDifferentiable(CONTACTS.format(model.contacts[0].name))
     if reason := without_contacts(model):
         raise NotDifferentiable(reason)
-    if model.contacts:
-        raise NotDifferentiable(COMPLIANT.format(model.contacts[0].name))
     settings = shape.settings
     together = shape.full or settings.adaptive
     parts: list[SubsystemIntegrator] = [

@@ -23,6 +23,7 @@ from msahl.analysis.inverse.states import advance
 from msahl.analysis.inverse.table import LEAST_ROWS, GivenMotion, Track, spins
 from msahl.analysis.kinematics.configuration import copied, copy_to, new_equations, predict
 from msahl.analysis.linearised.point import at_start
+from msahl.analysis.no_contacts import require_no_contacts
 from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import compiled_once
 from msahl.joints.coordinates import ORIENTATION
@@ -107,6 +108,7 @@ def inverse(
             "the model has beams, whose deformation a table of motion does not give; prescribe the "
             "motion by <jointMotion> and run the deck with msahl run: reactions.csv has the loads"
         )
+    require_no_contacts(model)
     driven, drives = with_drives(model, loads, motion.joint_coordinates)
     point = at_start(driven)
     call = (

@@ -23,6 +23,7 @@ from msahl.analysis.kinematics.prescribed import require_compatible, require_pre
 from msahl.analysis.kinematics.singular import CLOSE, Singular, limit_position, singular_positions
 from msahl.analysis.kinematics.tables import Recorder, element_names
 from msahl.analysis.linearised.point import Point, at_start
+from msahl.analysis.no_contacts import require_no_contacts
 from msahl.jit.by_size import compiled_once
 from msahl.model import INSTANTANEOUS, Model
 from msahl.model.settings import YES
@@ -114,6 +115,7 @@ def prepare(model: Model) -> Prepared:
             f"the model has {len(model.bodies)} bodies; motions of up to {MOST_BODIES} are "
             "computed, by dense matrices: run the deck with msahl run"
         )
+    require_no_contacts(model)
     # Velocities of the deck at t = 0 do not count: all follow from the motions.
     point = at_start(replace(model, velocity="asGiven"))
     equations = new_equations(point.system, point.state)

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from msahl.analysis.linearised.plain_units import (
+    acting_rows,
     coordinate_numbers,
     elastic_equations,
     equation_scale,
@@ -235,7 +236,9 @@ def depends_on_reactions(system: System) -> bool:
 
 def holonomic(system: System) -> np.ndarray:
     """(c,) whether each constraint equation constrains places."""
-    scalars = system.scalar.equations.holonomic if system.scalar else np.zeros(0, dtype=bool)
+    scalars = np.zeros(0, dtype=bool)
+    if system.scalar:
+        scalars = system.scalar.equations.holonomic[acting_rows(system)]
     strains = np.ones(6 * len(system.beams.weight) if system.beams else 0, dtype=bool)
     return np.concatenate([np.ones(3 * system.coincide.a.size, dtype=bool), scalars, strains])
 

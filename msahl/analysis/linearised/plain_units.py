@@ -9,6 +9,7 @@ stress resultants.
 import numpy as np
 
 from msahl.elements.beams.group import COMPONENTS
+from msahl.elements.constraints.equations import is_active
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.system.arrays import System, node_count
 
@@ -32,12 +33,21 @@ def coordinate_numbers(system: System) -> np.ndarray:
 
 
 def joint_equation_numbers(system: System) -> np.ndarray:
-    """(c,) flat numbers of the constraint equations of all joints."""
+    """(c,) flat numbers of the constraint equations of all joints and closed contacts."""
     first, points = first_multiplier(system.frames), system.coincide.a.size
     flat = list(range(3 * first, 3 * (first + points)))
     if system.scalar:
-        flat += [3 * (first + node) + slot for node, slot in system.scalar.equations.place.tolist()]
+        place = system.scalar.equations.place[acting_rows(system)]
+        flat += [3 * (first + node) + slot for node, slot in place.tolist()]
     return np.array(flat, dtype=np.int64)
+
+
+def acting_rows(system: System) -> np.ndarray:
+    """(r,) numbers of the scalar equations that constrain anything: those of open contacts and of
+    released joints do not.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    return np.flatnonzero(is_active(system.scalar.equations)) if system.scalar else none
 
 
 def multiplier_numbers(system: System) -> np.ndarray:

@@ -9,27 +9,36 @@ from functools import cached_property
 import numpy as np
 
 from msahl.analysis.linearised.projection import close
+from msahl.analysis.linearised.settle import settle
+from msahl.analysis.linearised.touching import (
+    InTouch,
+    Touching,
+    apart,
+    close_contacts,
+    in_mode,
+    touch,
+)
 from msahl.analysis.no_contacts import require_no_contacts
-from msahl.elements import reactions
 from msahl.elements.constraints import scalar
-from msahl.elements.reactions import MOST_ROUNDS
-from msahl.elements.signals.group import begin_angles, use_reactions
+from msahl.elements.signals.group import begin_angles
 from msahl.formulations.absolute.frames import moving_count
 from msahl.formulations.absolute.rigid_body import read_states
 from msahl.jit.by_size import by_size
 from msahl.model import Model, Options
 from msahl.model.settings import OFF
 from msahl.run.loop import Hooks, run
+from msahl.run.report import Report
 from msahl.run.tables import SIGNALS, STATES, MemorySink
 from msahl.start.positions import assemble
-from msahl.start.velocities import StartError, make_consistent, solve_accelerations
+from msahl.start.velocities import StartError, make_consistent
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
-from msahl.system.build import build_system
+from msahl.system.contacts import contacts_of
 from msahl.system.graph import node_order
 from msahl.system.names import signal_columns
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
+from msahl.system.switches import build_at_start
 from msahl.system.unknowns import Unknowns, choose
 
 
@@ -41,11 +50,17 @@ class Point:
     system: System
     state: State
     known: Unknowns | None = None
+    touching: Touching | None = None  # the contacts, of a model with rigid ones
 
     @cached_property
     def unknowns(self) -> Unknowns:
         """All unknowns with their order of elimination, found when they are needed first."""
         return self.known or choose(self.system, all_unknowns(self.system), node_order(self.system))
+
+    @property
+    def pressing(self) -> float:
+        """Largest force of a contact [N or N m]."""
+        return 0.0 if self.touching is None else float(self.touching.force.max(initial=0.0))
 
     @property
     def time(self) -> float:
@@ -57,20 +72,21 @@ def at_start(model: Model) -> Point:
     """Return the model at t = 0; raises ``StartError`` if there is no consistent state."""
     point = placed(model)
     make_consistent(point.system, point.state, point.unknowns.free, model.velocity)
-    return complete(model, point.system, point.state, point.unknowns)
+    return settled(point, point.state)
 
 
 def placed(model: Model) -> Point:
     """Return the model where the deck places it, with the deck's velocities; accelerations and
-    multipliers are zero. Raises ``StartError`` for a model with contacts or events.
+    multipliers are zero, and contacts are open.
     """
-    require_no_contacts(model)
-    system = build_system(model)
+    system, _ = build_at_start(model)
     state = build_state(model, system)
     if model.position == "project":
         assemble(system, state)
     _begin_angles(system, state)
-    return Point(model, system, state)
+    contacts = contacts_of(model, system, state)
+    names = tuple(side.name for side in model.contact_sides)
+    return Point(model, system, state, touching=contacts and apart(contacts, names))
 
 
 def complete(model: Model, system: System, state: State, unknowns: Unknowns | None = None) -> Point:
@@ -80,25 +96,38 @@ def complete(model: Model, system: System, state: State, unknowns: Unknowns | No
     return Point(model, system, state, unknowns)
 
 
-def settle(system: System, state: State, unknowns: Unknowns) -> None:
-    """Set accelerations, multipliers and reactions, until the reactions that expressions depend on
-    are those that follow.
+def settled(point: Point, state: State) -> Point:
+    """Return the ``point`` at a consistent ``state``, with its accelerations and multipliers, and
+    those contacts closed that press there. Raises ``StartError`` (``touching.touch``).
     """
-    group = system.forces.signals
-    for _ in range(MOST_ROUNDS if group is not None and use_reactions(group) else 1):
-        last = state.reaction.copy()
-        solve_accelerations(system, state, unknowns)
-        if reactions.is_unchanged(state.reaction, last):
-            break
+    if point.touching is None:
+        return complete(point.model, point.system, state, point.unknowns)
+    return _in_touch(point, touch(point.system, state, point.touching))
+
+
+def closed(point: Point, state: State) -> Point:
+    """Return the ``point`` at the nearest state to ``state`` that satisfies all constraints, and
+    in which no contacts overlap; accelerations are not set. Raises ``StartError``.
+    """
+    if point.touching is None:
+        return replace(point, state=close(point.system, state, point.unknowns))
+    given = InTouch(point.system, state, point.unknowns, point.touching)
+    return _in_touch(point, close_contacts(given))
+
+
+def _in_touch(point: Point, found: InTouch) -> Point:
+    system, state, unknowns, touching = found
+    return replace(point, system=system, state=state, known=unknowns, touching=touching)
 
 
 def at_time(model: Model, time: float) -> Point:
     """Return the model after a run to the ``time`` [s]; raises ``StartError`` if it does not get
-    there.
+    there, or if it has events, which may have changed it.
     """
     if time == 0.0:
         return at_start(model)
-    require_no_contacts(model)
+    if model.events:
+        require_no_contacts(replace(model, contacts=()))
     changed = replace(model, simulation=replace(model.simulation, t_final=time))
     sink = MemorySink((STATES, SIGNALS))
     report = run(changed, Options(error=OFF), sink, Hooks(), checked=True)
@@ -108,18 +137,30 @@ def at_time(model: Model, time: float) -> Point:
             f"the run did not reach {time:.9g} s: {report.message or report.status}; choose an "
             "earlier time"
         )
-    system = build_system(model)
+    system, _ = build_at_start(model)
     state = build_state(model, system)
     _follow(system, state, rows)
     if state.auxiliary.size:
         columns = signal_columns(model)
         states = [columns.index(s.name) for s in model.signals if hasattr(s, "initial")]
         state.auxiliary[:] = signal_rows[-1, states]
-    unknowns = choose(system, all_unknowns(system), node_order(system))
+    point = _with_contacts(Point(model, system, state), report)
     # Schemes of order 2 satisfy constraints between places; those between rates to their order.
-    state = close(system, state, unknowns)
-    make_consistent(system, state, unknowns.free, "massWeighted")
-    return complete(model, system, state, unknowns)
+    point = closed(point, state)
+    make_consistent(point.system, point.state, point.unknowns.free, "massWeighted")
+    return settled(point, point.state)
+
+
+def _with_contacts(point: Point, report: Report) -> Point:
+    """Return the ``point`` with those contacts closed that were at the end of a run."""
+    contacts = contacts_of(point.model, point.system, point.state)
+    if contacts is None:
+        return point
+    names = tuple(side.name for side in point.model.contact_sides)
+    held = np.isin(names, (report.contacts or {}).get("closed", []))
+    system, unknowns = in_mode(point.system, contacts, point.state, held)
+    touching = apart(contacts, names)._replace(closed=held)
+    return replace(point, system=system, known=unknowns, touching=touching)
 
 
 def _follow(system: System, state: State, states: np.ndarray) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from msahl.algebra.functions import evaluate as law
 from msahl.analysis.linearised.coefficients import coefficients, skews
-from msahl.analysis.linearised.plain_units import coordinate_numbers
+from msahl.analysis.linearised.plain_units import acting_rows, coordinate_numbers
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.coordinate_jacobians import rate_gradient
 from msahl.elements.constraints.coordinate_kinds import Derivatives
@@ -34,7 +34,7 @@ def rates_by_place(system: System, state: State) -> np.ndarray:
     B = np.zeros((3 * system.coincide.a.size, node_count(system), 3))
     _coinciding(system, start, B.reshape(-1, 3, node_count(system), 3))
     if system.scalar:
-        B = np.concatenate([B, _scalar(system, start)])
+        B = np.concatenate([B, _scalar(system, start)[acting_rows(system)]])
     flat: np.ndarray = B.reshape(len(B), 3 * node_count(system))[:, coordinate_numbers(system)]
     if system.beams is None:
         return flat

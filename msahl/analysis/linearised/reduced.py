@@ -91,12 +91,17 @@ def linear_system(
     return LinearSystem(A, places, rates, w, into, forced, d, r, redundant)
 
 
-def stiffness_weight(found: Coefficients, system: LinearSystem) -> np.ndarray:
+def stiffness_weight(
+    found: Coefficients, system: LinearSystem, pressing: float = 0.0
+) -> np.ndarray:
     """(n, d) matrix W: the stiffness along eta is a sum of terms of the size |W eta|^2.
 
-    They may cancel each other completely, as those of a door's two hinges under its weight do.
+    They may cancel each other completely, as those of a door's two hinges under its weight do. The
+    forces of contacts, of which ``pressing`` is the largest [N], do so before they are in K.
     """
     rows = abs(found.by_place) @ (1.0 / found.length) / found.length
+    if pressing:
+        rows += pressing / float(found.length[found.rotational].max())
     of_body = np.repeat(rows.reshape(-1, 6).max(axis=1), 6)
     W: np.ndarray = (found.length * np.sqrt(of_body))[:, None] * system.places[
         :, : system.degrees_of_freedom

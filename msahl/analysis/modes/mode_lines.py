@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from msahl.analysis.linearised.contact_lines import contact_lines
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, residual_in_words
 from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes
@@ -10,6 +11,10 @@ PARTS = 3
 """Largest parts of a shape that are named."""
 SMALL_PART = 0.05
 """Part of a shape, relative to the largest, below which it is not named."""
+CONSTRAINTS = (
+    "closed contacts are constraints: those that slide or have no friction of their gap, those "
+    "that stick of their slip as well"
+)
 MOST_LINES = 40
 """Modes that are printed; the table has all."""
 
@@ -46,6 +51,9 @@ def _head(point: Point, found: Modes) -> list[str]:
         f"{counted(found.degrees_of_freedom, 'degree', 'degrees')} of freedom, "
         f"{counted(found.redundant, 'redundant constraint equation')}",
     ]
+    lines += contact_lines(point)
+    if point.touching is not None and point.touching.closed.any():
+        lines.append(CONSTRAINTS)
     if np.any(state.axes):
         axes = ", ".join(f"{w:.9g}" for w in state.axes)
         lines.append(f"seen in axes that rotate with ({axes}) rad/s")

@@ -13,12 +13,13 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, depends_on_reactions
+from msahl.analysis.linearised.contact_lines import slides
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.rate_gradients import rates_by_place
-from msahl.analysis.linearised.reduced import linear_system, stiffness_weight
+from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import with_reactions
-from msahl.analysis.modes.eigenvalues import eigenvalues
+from msahl.analysis.modes.eigenvalues import CANCELLED, eigenvalues
 from msahl.analysis.modes.sparse_eigenvalues import (
     MOST_RIGID,
     NotFoundError,
@@ -221,7 +222,9 @@ def _dense(
     """All modes; see ``eigenvalues`` for ``stages``."""
     rates = rates_by_place(point.system, point.state)
     system = with_reactions(point, found, linear_system(found, rates, state.axes), state.axes)
-    result = eigenvalues(system.A, stages, stiffness_weight(found, system))
+    weight = stiffness_weight(found, system, point.pressing)
+    A = _without_cancelled(system, weight) if point.pressing else system.A
+    result = eigenvalues(A, stages, weight)
     kept = result.value.imag >= 0.0
     vectors = result.vector[:, kept]
     places, states = _normalised(found, system.places @ vectors, system.states @ vectors)
@@ -241,6 +244,16 @@ def _dense(
     )
 
 
+def _without_cancelled(system: LinearSystem, weight: np.ndarray) -> np.ndarray:
+    """(m, m) A, whose stiffness has no round-off of forces of contacts that cancel each other."""
+    d, A = system.degrees_of_freedom, system.A.copy()
+    terms = np.linalg.norm(weight, axis=0)
+    K = A[d : d + system.rate_degrees_of_freedom, :d]
+    if K.shape == (d, d):
+        K[np.abs(K) <= CANCELLED * np.finfo(float).eps * np.outer(terms, terms)] = 0.0
+    return A
+
+
 def warnings(point: Point, state: Equilibrium) -> list[str]:
     """Return why the modes are not those of an equilibrium, or not exact."""
     found = []
@@ -255,6 +268,10 @@ def warnings(point: Point, state: Equilibrium) -> list[str]:
         found.append(
             "this motion is not steady: its coefficients change with time, in every axes tried; "
             "the modes are those of the coefficients at this moment"
+        )
+    if slides(point):
+        found.append(
+            "contacts slide: the derivatives omit how friction changes with their normal force"
         )
     return found
 

@@ -9,8 +9,9 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Coefficients
-from msahl.analysis.linearised.point import Point, settle
+from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move
+from msahl.analysis.linearised.settle import settle
 from msahl.analysis.linearised.variations import FOURTH, Variations
 from msahl.formulations.absolute.frames import moving_count
 from msahl.start.velocities import StartError, make_consistent

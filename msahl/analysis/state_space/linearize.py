@@ -21,6 +21,7 @@ from msahl.analysis.linearised.plain_units import coordinate_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import Inputs, Variations, variations
+from msahl.analysis.no_contacts import require_no_contacts
 from msahl.analysis.state_space.check import disagreement
 from msahl.analysis.state_space.columns import Column, Columns, columns_by_table, shared_reactions
 from msahl.analysis.state_space.inputs import (
@@ -63,7 +64,8 @@ def linearize(
 ) -> LinearModel:
     """Return the model linearised at a ``point``, with ``inputs`` and ``outputs`` by name.
 
-    Raises ``OptionError`` for names that do not exist, ``StartError`` where there is no such model.
+    Raises ``OptionError`` for names that do not exist, ``StartError`` where there is no such model,
+    or if it has contacts or events.
     """
     _check(point, inputs, outputs, states)
     point = with_signals(point, inputs)
@@ -150,6 +152,7 @@ def _check(point: Point, inputs: Sequence[str], outputs: Sequence[str], states: 
     """Raise ``OptionError`` for inputs and outputs that do not exist, or another choice of states,
     all at once.
     """
+    require_no_contacts(point.model)
     known = [name for names in columns_by_table(point.model).values() for name in names]
     every, twice = set(known), sorted({name for name in outputs if outputs.count(name) > 1})
     faults = input_faults(point, inputs)

@@ -9,7 +9,7 @@ products and from the weights of the kind.
 import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, scale, sub
-from msahl.elements.constraints import products
+from msahl.elements.constraints import products, surfaces
 from msahl.elements.constraints.coordinate_kinds import (
     PLAIN,
     Coordinates,
@@ -17,7 +17,7 @@ from msahl.elements.constraints.coordinate_kinds import (
     Derivatives,
 )
 from msahl.elements.constraints.coordinates import row_factor
-from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
+from msahl.elements.constraints.products import PARTS, Q_A, Q_B, SURFACE, U_A, U_B
 from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import apart, kernel
 
@@ -63,11 +63,29 @@ def _add_unit_force_derivatives(
         w = start.weights[q, k - first]
         if w != 0.0:
             c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
-            products.stiffness(
-                group.products, start.products, frames, Z, k, group.block, q, c_w, values
-            )
+            _add_product(group, start, frames, Z, (q, k), c_w, values)
     if group.kind[q] != PLAIN:
         _add_weight_derivatives(group, start, q, c, values)
+
+
+@kernel
+def _add_product(
+    group: Coordinates,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    numbers: tuple[int, int],
+    c: tuple[float, float, float, float],
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of a product's unit force, each part times its ``c``; ``numbers`` are
+    those of the coordinate and the product.
+    """
+    own, m, (q, k) = group.products, start.products, numbers
+    if own.kind[k] == SURFACE:
+        surfaces.stiffness(own.surfaces, own, m, frames, Z, k, group.block[q], c, values)
+    else:
+        products.stiffness(own, m, frames, Z, k, group.block, q, c, values)
 
 
 @apart

@@ -1,7 +1,8 @@
 """Kinds of coordinate: one number between two frames, as a function of a few scalar products.
 
     PLAIN   q = m_1
-    RADIUS  q = sqrt(m_1^2 + m_2^2 (+ m_3^2))       a distance, across an axis or in space [m]
+    RADIUS  q = sqrt(m_1^2 + m_2^2 (+ m_3^2))       a distance, across an axis or in space [m]; of
+            a box, each m is what of its product is beyond half of the size: |p| - h with p's sign
     ANGLE   q = atan2(m_1, m_2)                      counted over all its revolutions [rad]
     ROUND   q = m_1 - r sqrt(1 - m_2^2)              height of a disk's rim above a plane [m]
     SKEW    q = ((D.D - L^2) (1 - s^2) - a^2 - b^2 + 2 s a b) / (2 L)
@@ -20,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints.products import Products, ProductsWorkspace
+from msahl.elements.constraints.products import SLIDE, Products, ProductsWorkspace
 from msahl.jit.kernel import apart, kernel
 
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
@@ -77,13 +78,42 @@ def value(group: Coordinates, start: CoordinatesWorkspace, angle: float, q: int)
     if group.kind[q] == RADIUS:
         square = 0.0
         for i in range(k, group.first[q + 1]):
-            square += m[i] ** 2
+            square += beyond(m[i], half_size(group.products, i)) ** 2
         return math.sqrt(square)
     if group.kind[q] == ROUND:
         return m[k] - group.radius[q] * math.sqrt(max(0.0, 1.0 - m[k + 1] ** 2))
     if group.kind[q] == SKEW:
         return skew_distance(m, k, group.radius[q])
     return m[k]
+
+
+@kernel
+def half_size(products: Products, k: int) -> float:
+    """Half of the size of a box along the product of number ``k`` [m]; 0 of all others."""
+    half: float = products.e[k, 0] if products.kind[k] == SLIDE else 0.0
+    return half
+
+
+@kernel
+def beyond(p: float, half: float) -> float:
+    """What of ``p`` is beyond -half and half."""
+    if half == 0.0:
+        return p
+    return max(p - half, 0.0) + min(p + half, 0.0)
+
+
+@kernel
+def share_beyond(p: float, dp: float, half: float) -> tuple[float, float]:
+    """Return the quotient of the changes of what is beyond and of ``p`` over a step from there, and
+    its derivative by the end of ``p``.
+    """
+    if half == 0.0:
+        return 1.0, 0.0
+    end = 1.0 if abs(p + dp) > half else 0.0
+    if dp == 0.0:
+        return end, 0.0
+    share = (beyond(p + dp, half) - beyond(p, half)) / dp
+    return share, (end - share) / dp
 
 
 @kernel
@@ -119,21 +149,29 @@ def _weigh_radius(group: Coordinates, start: CoordinatesWorkspace, q: int) -> No
     m0, dm = start.products.value, start.products.change
     square0, square1, change = 0.0, 0.0, 0.0
     for i in range(n):
-        end = m0[first + i] + dm[first + i]
-        square0 += m0[first + i] ** 2
+        half = half_size(group.products, first + i)
+        begin, end = beyond(m0[first + i], half), beyond(m0[first + i] + dm[first + i], half)
+        share, _ = share_beyond(m0[first + i], dm[first + i], half)
+        square0 += begin**2
         square1 += end**2
-        change += (m0[first + i] + end) * dm[first + i]
+        change += (begin + end) * (share * dm[first + i])
     end_radius = math.sqrt(square1)
     both = math.sqrt(square0) + end_radius
     start.change[q] = change / both
     for i in range(n):
-        end = m0[first + i] + dm[first + i]
-        start.weights[q, i] = (m0[first + i] + end) / both
+        half = half_size(group.products, first + i)
+        begin, end = beyond(m0[first + i], half), beyond(m0[first + i] + dm[first + i], half)
+        share, _ = share_beyond(m0[first + i], dm[first + i], half)
+        start.weights[q, i] = (begin + end) / both * share
         start.slopes[q, i] = end / end_radius
     for i in range(n):
         for j in range(n):
             start.curves[q, i, j] = -start.weights[q, i] * start.slopes[q, j] / both
-        start.curves[q, i, i] += 1.0 / both
+        half = half_size(group.products, first + i)
+        begin, end = beyond(m0[first + i], half), beyond(m0[first + i] + dm[first + i], half)
+        share, bend = share_beyond(m0[first + i], dm[first + i], half)
+        at_end = 1.0 if half == 0.0 or end != 0.0 else 0.0
+        start.curves[q, i, i] += (share * at_end + (begin + end) * bend) / both
 
 
 @kernel

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from msahl.elements.constraints import products
+from msahl.elements.constraints import products, surfaces
 from msahl.elements.constraints.coordinate_kinds import (
     ANGLE,
     PLAIN,
@@ -20,7 +20,7 @@ from msahl.elements.constraints.coordinate_kinds import (
     value,
     weigh,
 )
-from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
+from msahl.elements.constraints.products import PARTS, Q_A, Q_B, SURFACE, U_A, U_B
 from msahl.formulations.absolute.equations import force_factor, moment_factor
 from msahl.formulations.absolute.frames import Frames, displacement_node, rotation_node
 from msahl.jit.kernel import apart, kernel, unit
@@ -45,6 +45,7 @@ def evaluate(
         start.term_size[node] = 0.0
     m = start.products
     products.evaluate(group.products, m, frames, Z)
+    surfaces.evaluate(group.products.surfaces, group.products, m, frames, Z)
     for q in range(group.kind.size):
         start.load[q] = start.size[q] = 0.0
         weigh(group, start, q)
@@ -69,6 +70,7 @@ def differentiate(
     """Set the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``."""
     m = start.products
     products.differentiate(group.products, m, frames, Z)
+    surfaces.differentiate(group.products.surfaces, group.products, m, frames, Z)
     for q in range(group.kind.size):
         first = group.first[q]
         for part in range(PARTS):
@@ -162,6 +164,20 @@ def count_rotations(group: Coordinates, start: CoordinatesWorkspace, angle: np.n
             start.value[q] = angle[q]
 
 
+@kernel
+def product_rates(
+    group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, k: int
+) -> tuple[float, float]:
+    """Return the rate of a product, and its second derivative at zero accelerations."""
+    own, m = group.products, start.products
+    if own.kind[k] == SURFACE:
+        return (
+            surfaces.rate(own.surfaces, own, m, v, W, k),
+            surfaces.rate_of_slip(own.surfaces, own, m, v, W, k),
+        )
+    return products.free_acceleration(own, m, v, W, k)
+
+
 @unit
 def rates(
     group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, rate: np.ndarray
@@ -171,7 +187,7 @@ def rates(
         first = group.first[q]
         rate[q] = 0.0
         for k in range(first, group.first[q + 1]):
-            m_rate, _ = products.free_acceleration(group.products, start.products, v, W, k)
+            m_rate, _ = product_rates(group, start, v, W, k)
             rate[q] += start.slopes[q, k - first] * m_rate
 
 
@@ -185,11 +201,11 @@ def coordinate_acceleration(
     first, last = group.first[q], group.first[q + 1]
     total = 0.0
     for k in range(first, last):
-        rate, second = products.free_acceleration(group.products, start.products, v, W, k)
+        rate, second = product_rates(group, start, v, W, k)
         total += start.slopes[q, k - first] * second
         if group.kind[q] == PLAIN:
             continue
         for i in range(first, last):
-            other, _ = products.free_acceleration(group.products, start.products, v, W, i)
+            other, _ = product_rates(group, start, v, W, i)
             total += 2.0 * start.curves[q, k - first, i - first] * rate * other
     return total

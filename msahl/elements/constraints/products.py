@@ -6,6 +6,7 @@
     SLIP   dm = mean(n) . dD    no position law: the velocity along n, for rolling and knife edges
     ROLL   dm = n . (dP_B + Q_B x rho(mean(e)))  the lowest point of a disk of B on a plane of the
                                 ground: rho = -(up - (up.e) e)/sqrt(1 - (up.e)^2/r^2), |up| = r
+    SURFACE  between two surfaces that touch: ``surfaces`` sets what is said of these here
 
 Over a step a product changes by exactly  d(a.b) = mean(a) . db + mean(b) . da , and a vector fixed
 in a body by  da = Q x mean(a) . So, with u, Q of both bodies,
@@ -60,10 +61,21 @@ from msahl.formulations.absolute.frames import (
 )
 from msahl.jit.kernel import apart, kernel
 
-DOT, SLIDE, SLIP, ROLL = range(4)
+DOT, SLIDE, SLIP, ROLL, SURFACE = range(5)
 PARTS = 4
 """Unknowns of a pair of frames, three numbers each: u_A, l_A Q_A, u_B, l_B Q_B."""
 U_A, Q_A, U_B, Q_B = range(PARTS)
+
+
+class Surfaces(NamedTuple):
+    """What products of the kind SURFACE have more than others, whose entries are zero: see
+    ``surfaces``.
+    """
+
+    shape: np.ndarray  # (m,) of what the sphere touches
+    radius: np.ndarray  # (m,) of the sphere, negative in what is hollow [m]
+    second: np.ndarray  # (m,) whether t is t_2
+    axis: np.ndarray  # (m,) number of the inertial axis b; changes during a run
 
 
 class Products(NamedTuple):
@@ -76,7 +88,8 @@ class Products(NamedTuple):
     n: np.ndarray  # (m, 3) n or d, axes of the owner
     s_a: np.ndarray  # (m, 3) point on A from its origin, axes of A [m]
     s_b: np.ndarray  # (m, 3) likewise of B
-    e: np.ndarray  # (m, 3) direction, axes of B
+    e: np.ndarray  # (m, 3) direction, axes of B; of a SLIDE first half of the size of a box
+    surfaces: Surfaces | None
 
 
 class ProductsWorkspace(NamedTuple):

@@ -41,6 +41,8 @@ NO_ROWS = np.zeros(0, dtype=np.int64)
 FIRST_REVIEW, LONGEST_PAUSE = 16, 128
 """Accepted pairs until the degree is reviewed: first, and at most; the number doubles each time, so
 that reviews take a few per cent of the work."""
+SHORTER = 0.25
+"""Size of the next pair, over that of the last, in which the end of a slip was not found."""
 TRIES = 3
 """Largest number of pairs tried to find the step size at a degree."""
 MUCH = 1.5
@@ -360,13 +362,18 @@ class AdaptiveStepper:
                 return done, None
             if not step_control.changes_contacts(detection.detector, self.control) > 0.0:
                 return done, None
+            t, figures = float(self.workspace.state.time[0]), self.control.figures
+            if not done and self.contacts.only_begins(self.method, seen):
+                figures[step_control.NEXT] *= SHORTER
+                figures[step_control.STOP] = t + self.contacts.time_left()
+                detection.forget()
+                continue
             try:
                 self.method = self.contacts.change(self.method, seen)
             except ContactsUnsolved as error:  # again, and without steps, when it is called next
                 self.contacts.fail(error)
                 return done, None
-            t = float(self.workspace.state.time[0])
-            self.control.figures[step_control.STOP] = t + self.contacts.time_left()
+            figures[step_control.STOP] = t + self.contacts.time_left()
             assert self.method.detection
             stop = self.method.detection.stop_in_jump()
             if done or stop:

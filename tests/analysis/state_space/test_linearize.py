@@ -14,6 +14,7 @@ from msahl.analysis.linearised.coefficients import coefficients, evaluated
 from msahl.analysis.linearised.point import at_start, complete
 from msahl.analysis.linearised.variations import Inputs, variations
 from msahl.analysis.modes.solution import modes
+from msahl.analysis.no_contacts import without_contacts
 from msahl.analysis.state_space.columns import columns_by_table, shared_reactions
 from msahl.analysis.state_space.linearize import linearize
 from msahl.deck import read_deck
@@ -140,6 +141,8 @@ def test_every_deck_agrees_with_its_nonlinear_equations(path):
         point = at_start(read_deck(path))
     except StartError:
         pytest.skip("no consistent state at t = 0")
+    if without_contacts(point.model):
+        pytest.skip("contacts or events, which it refuses")
     if len(point.model.bodies) > MOST_BODIES:
         pytest.skip("many bodies")
     # Beams are stiff: round-off of their forces over the step of the differences.

@@ -123,11 +123,10 @@ def test_graphs_and_viewer_share_the_time(open_page, tmp_path):
     page.locator(".graph-group", has_text="Energies").locator(".u-over").first.click()
     wait_until(page, "window.msahl.time > 0")
     assert page.evaluate("msahl.time") == pytest.approx(0.2, abs=0.02)  # the middle of the graph
-    places = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
-    page.wait_for_timeout(100)
     wide = page.locator(".graph-group", has_text="Energies").locator(".u-over").first.bounding_box()
     middle = wide["x"] + wide["width"] / 2
-    assert min(abs(x - middle) for x in page.evaluate(places)) < 0.06 * wide["width"]
+    marks = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
+    wait_until(page, f"{marks}.some((x) => Math.abs(x - {middle}) < {0.06 * wide['width']})")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -1,0 +1,1 @@
+"""Loads of the bodies of a run for finite elements."""
