@@ -12,10 +12,9 @@ from msahl.run.explain import explain
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.tableau import lagrange, new_tableau
-from msahl.schemes.collocation.tree import loads
+from msahl.schemes.collocation.tree import loads, slopes
 from msahl.schemes.collocation.tree import step as tree_step
 from msahl.schemes.collocation.tree.predictor import predict
-from msahl.schemes.collocation.tree.slopes import NUMBERS
 from tests.support.element_samples import SPRING, bushing, spring
 from tests.support.models import deck, drag, random_vector, simulate
 from tests.support.trees import TreeSteps, loaded_tree, random_tree, symplectic_form
@@ -206,51 +205,52 @@ def test_steps_with_stiff_dampers_are_solved_in_joint_coordinates(degree):
 
 def test_slopes_are_derivatives_of_the_generalised_forces():
     """Of bodies on several kinds of joints, by central differences, whose error is that of a third
-    derivative times 1e-10 and round-off over 1e-5: 1e-9 of the largest slope.
+    derivative times 1e-10 and round-off over 1e-5: 1e-9 of the largest slope. By places loads are
+    taken along the joints as they are; their directions do not count as slopes.
     """
-    rng = np.random.default_rng(7)
-    model = random_tree(rng, ("spherical", "universal", "cylindrical"))
-    given = (spring(rng, model, **SPRING, free_length=0.8), bushing(rng, model))
-    given = (*given, drag("D", "B1", random_vector(rng), 0.2))
-    steps = TreeSteps(replace(model, loads=given), 2)
+    steps = loaded_steps(2)
     h, size, lane = 0.02, 1e-5, 1
-    tree, motion = steps.tree.tree, steps.tree.motion
-    recursion.begin(tree, motion, steps.state.x, steps.workspace.start.frames)
-    predict(steps.tree, steps.stages, steps.workspace.start.frames.R, 0.0, h)
-    loads.begin_loads(steps.workspace, steps.stages, h)
-    assert tree_step.set_coordinates(steps.tree, h)
-    recursion.set_places(tree, motion)
-    rates = motion.u.copy()
+    tree, motion, found = steps.tree.tree, steps.tree.motion, steps.tree.slopes
+    given, rates = motion.q.copy(), motion.u.copy()
 
-    def loads_at(rates):
-        motion.u[:] = rates
+    def loads_at(places, rates):
+        motion.q[:], motion.u[:] = places, rates
+        recursion.set_places(tree, motion)
         recursion.set_twists(tree, motion)
         loads.set_loads(steps.tree, steps.workspace, steps.stages, h)
         return motion.load[6:, lane].copy()
 
-    loads_at(rates)
+    def differences(of):
+        ends = ((of(-c), of(c)) for c in size * np.eye(tree.body.size)[:, :, None])
+        return np.array([motions @ (a - b) / (2.0 * size) for a, b in ends]).T
+
+    loads_at(given, rates)
+    motions = unit_motions(tree, motion, lane)
     loads.set_slopes(steps.tree, steps.stages)
-    found = in_full(tree, steps.tree.slopes.by_rate)
-    motions, exact = unit_motions(tree, motion, lane), np.zeros_like(found)
-    for k in range(tree.body.size):
-        change = size * np.eye(tree.body.size)[:, [k]]
-        ends = [loads_at(rates + c) for c in (-change, change)]
-        exact[:, k] = motions @ (ends[0] - ends[1]) / (2.0 * size)
-    given = found != 0.0
-    assert given.sum() > tree.body.size
-    np.testing.assert_allclose(
-        found[given], exact[given], rtol=0.0, atol=1e-9 * np.max(np.abs(exact))
-    )
+    by_rate = found.by_rate.copy(), differences(lambda c: loads_at(given, rates + c))
+    # At rest, as places change velocities, too.
+    loads_at(given, np.zeros_like(rates))
+    loads.set_slopes(steps.tree, steps.stages)
+    by_place = found.by_place.copy(), differences(lambda c: loads_at(given + c, 0.0 * rates))
+    for slope, exact in (by_rate, by_place):
+        assert np.count_nonzero(slope) > tree.body.size
+        np.testing.assert_allclose(slope, exact, rtol=0.0, atol=1e-9 * np.max(np.abs(exact)))
 
 
-def in_full(tree, entries):
-    """(n, n) the ``entries`` in the pattern of the mass matrix, below the diagonal and on it."""
-    found = np.zeros((tree.body.size, tree.body.size))
-    for k in range(tree.body.size):
-        j = k
-        for entry in range(tree.row[k], tree.row[k + 1]):
-            found[k, j], j = entries[entry], tree.before[j]
-    return found
+def loaded_steps(degree):
+    """Steps of bodies on several kinds of joints with springs and drag, at the motion predicted."""
+    rng = np.random.default_rng(7)
+    model = random_tree(rng, ("spherical", "universal", "cylindrical"))
+    given = (spring(rng, model, **SPRING, free_length=0.8), bushing(rng, model))
+    given = (*given, drag("D", "B1", random_vector(rng), 0.2))
+    steps = TreeSteps(replace(model, loads=given), degree)
+    h, motion = 0.02, steps.tree.motion
+    recursion.begin(steps.tree.tree, motion, steps.state.x, steps.workspace.start.frames)
+    predict(steps.tree, steps.stages, steps.workspace.start.frames.R, 0.0, h)
+    loads.begin_loads(steps.workspace, steps.stages, h)
+    assert tree_step.set_coordinates(steps.tree, h)
+    recursion.set_places(steps.tree.tree, motion)
+    return steps
 
 
 def unit_motions(tree, motion, lane):
@@ -264,13 +264,30 @@ def unit_motions(tree, motion, lane):
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
-def test_numbers_of_the_nodes_leave_nothing_of_stiff_dampers(degree):
-    """I - D^-1 A has no eigenvalue but zero: its characteristic polynomial is x^s. The numbers have
-    12 digits, of which the determinant of D takes 4.
-    """
+def test_solutions_with_slopes_are_those_of_all_nodes_together(degree):
+    """Of a tree with branches that stiff loads connect, to round-off."""
+    steps, h, rng = loaded_steps(degree), 0.02, np.random.default_rng(degree)
+    tree, motion, found = steps.tree.tree, steps.tree.motion, steps.tree.slopes
+    recursion.set_twists(tree, motion)
+    loads.set_loads(steps.tree, steps.workspace, steps.stages, h)
+    n, found.used[0] = tree.body.size, 1.0
+    tree_step.set_factors(steps.tree, steps.stages, h)
+    mass = np.zeros((n, n))
+    for k in range(n):
+        j = k
+        for entry in range(tree.row[k], tree.row[k + 1]):
+            mass[k, j] = mass[j, k] = motion.mass[entry, :degree].mean()
+            j = tree.before[j]
     c = new_tableau("gauss", degree).force_time
-    left = np.eye(degree) - lagrange(c, c, -1) / np.array(NUMBERS[degree])[:, None]
-    np.testing.assert_allclose(np.poly(left)[1:], 0.0, atol=1e-8)
+    A = lagrange(c, c, -1)
+    whole = np.kron(np.eye(degree), mass) + h * np.kron(A, found.by_rate)
+    whole += h * h * np.kron(A @ A, found.by_place)
+    motion.y[:] = rng.normal(size=motion.y.shape)
+    wanted = np.linalg.solve(whole, motion.y[:, :degree].T.reshape(-1)).reshape(degree, n).T
+    slopes.solve(found, tree, motion)
+    np.testing.assert_allclose(
+        motion.y[:, :degree], wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max()
+    )
 
 
 @pytest.mark.parametrize(

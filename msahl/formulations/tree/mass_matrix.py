@@ -32,7 +32,7 @@ from msahl.jit.lanes import load, spread, store
 def set_factors(tree: Tree, motion: TreeMotion) -> None:
     """Set ``motion.mass`` to the factors of the mass matrix, after ``set_places``."""
     set_matrix(tree, motion)
-    factor(tree, motion.mass)
+    _factor(tree, motion.mass)
 
 
 @unit
@@ -93,7 +93,7 @@ def _enter(tree: Tree, motion: TreeMotion, b: int) -> None:
 
 
 @kernel
-def factor(tree: Tree, M: np.ndarray) -> None:
+def _factor(tree: Tree, M: np.ndarray) -> None:
     """Replace the entries by those of the factors: 1/D on the diagonal, L beside it."""
     for k in range(tree.body.size - 1, -1, -1):
         inverse = 1.0 / load(M, tree.row[k])

@@ -115,7 +115,7 @@ class CollocationMethod:
         if tree is None:
             return (stages,)
         unknowns = () if tree.loops is None else (tree.loops.last_y,)
-        return (stages, tree.last_rates, tree.figures, tree.slopes.by_rate, *unknowns)
+        return (stages, tree.last_rates, tree.figures, *unknowns)
 
     @property
     def counters(self) -> dict[str, Any]:

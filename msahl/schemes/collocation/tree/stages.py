@@ -5,6 +5,7 @@ the following ones, of which there are more each time. Each form has a truncatio
 what compares steps, the halves of a pair or a run and its companion, compares those of one form.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,12 +26,12 @@ from msahl.system.reductions import loads_alone
 
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
-FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE, IDLE = range(9)
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE, STIFF = range(9)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
 steps to be left to Newton's method now, and after the next step that is not solved; iterations and
 steps in this form so far; ratio of the second to the first correction, and the size of the step in
-which it was measured [s]; 1 if the next step is to be in absolute coordinates; steps for which
-slopes of the loads stay as they are."""
+which it was measured [s]; 1 if the next step is to be in absolute coordinates; size of steps that
+take slopes of the loads, inf for none [s]."""
 MIXED = 8.0
 """Growth of the rest after a pair whose steps were not all of one form, of which only the long one
 did not converge."""
@@ -80,7 +81,7 @@ def new_tree_stages(
         tree=tree,
         motion=motion,
         node=load_node,
-        slopes=new_slopes(tree, load_node.system, s),
+        slopes=new_slopes(tree, load_node.system, c),
         loops=cut and new_loop_stages(cut, tree, system, tableau),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
@@ -89,7 +90,7 @@ def new_tree_stages(
         half_form=np.zeros(2),
         forms=np.zeros(chunk),
         given=np.ones(chunk),
-        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0)),
+        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, np.inf)),
     )
 
 
@@ -105,8 +106,9 @@ def _new_load_node(system: System, state: State) -> LoadNode:
 @optional()
 def forget(tree: TreeStages) -> None:
     """Solve the next step in this form, without what earlier steps have shown."""
-    for place in (FROM_TREE, RESTING, IDLE):
+    for place in (FROM_TREE, RESTING):
         tree.figures[place] = 0.0
+    tree.figures[STIFF] = math.inf
     for place in (REST, CONTRACTION, SIZE):
         tree.figures[place] = 1.0
 

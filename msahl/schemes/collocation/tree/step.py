@@ -67,13 +67,13 @@ from msahl.schemes.collocation.tree.stages import (
     ABSOLUTE,
     CONTRACTION,
     FROM_TREE,
-    IDLE,
     ITERATIONS,
     LONGEST_REST,
     REST,
     RESTING,
     SIZE,
     STEPS,
+    STIFF,
     TreeStages,
 )
 from msahl.schemes.collocation.workspace import StageArrays
@@ -89,9 +89,10 @@ all steps. With 1e-14 the energy of a pendulum drifts by 3e-15 of itself in a st
 WORK_TARGET = 1e-12
 """Largest last correction where loads do work, which is evaluated before it: work changes with the
 velocities themselves, momenta with the time step times these."""
-MAX_ITERATIONS = 18
-"""Iterations after which a step is left to Newton's method. That takes one or two, and as long as
-some 20 of these: see ``stepper.work_of``."""
+MAX_ITERATIONS, MAX_LOADED = 18, 10
+"""Iterations, and those of systems with loads, which take longer, after which a step is left to
+Newton's method. That takes one or two, and as long as some 20 and 10 of these: see
+``stepper.work_of``."""
 CAUTION, FORGETTING = 4.0, 1.2
 """Factor of the contraction measured in an earlier step, with which a first correction is judged,
 and its growth by every step that did not measure it."""
@@ -122,51 +123,55 @@ def take_step(
 @unit
 def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> float:
     """Solve for the rates at all nodes; return the relative residual, inf if there is none."""
-    motion = tree.motion
-    recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
-    loops.begin(tree.loops, tree.tree, motion, workspace, stages, h)
+    recursion.begin(tree.tree, tree.motion, workspace.state.x, workspace.start.frames)
+    loops.begin(tree.loops, tree.tree, tree.motion, workspace, stages, h)
     if tree.tree.bare:
-        return iterate(tree, workspace, stages, h, False)
+        return iterate(tree, workspace, stages, h, MAX_ITERATIONS)
     begin_loads(workspace, stages, h)
-    renewed = is_slow(tree.figures)
-    residual = iterate(tree, workspace, stages, h, renewed)
-    if not residual <= TOLERANCE and not renewed and tree.figures[IDLE] <= 0.0:
-        renewed, residual = True, iterate(tree, workspace, stages, h, True)
-    if renewed:
-        tree.figures[IDLE] = IDLE_STEPS if tree.figures[CONTRACTION] > SLOW else 0.0
+    figures = tree.figures
+    figures[STIFF] *= KEPT
+    if h < 0.99 * figures[STIFF]:
+        tree.slopes.used[0] = 0.0
+        residual = iterate(tree, workspace, stages, h, MAX_LOADED)
+        if residual <= TOLERANCE:
+            return residual
+        figures[STIFF] = h
+    tree.slopes.used[0] = 1.0
+    residual = iterate(tree, workspace, stages, h, MAX_ITERATIONS)
+    if not residual <= TOLERANCE:
+        figures[STIFF] = math.inf
     return residual
 
 
-@kernel
-def is_slow(figures: np.ndarray) -> bool:
-    """Whether the last steps call for other slopes of the loads."""
-    if figures[IDLE] > 0.0:
-        figures[IDLE] -= 1.0
-        return False
-    return bool(figures[CONTRACTION] > SLOW)
-
-
-SLOW, IDLE_STEPS = 0.03, 20.0
-"""Contraction from which slopes of the loads are set anew, and for how many steps they are not
-where that was of no use."""
+KEPT = 1.0002
+"""Growth of the size of steps that take slopes of the loads, by every step: after 50 they are tried
+without, which costs some five iterations if it fails."""
 
 
 @unit
 def iterate(
-    tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float, renews: bool
+    tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float, iterations: int
 ) -> float:
-    """Iterate from the prediction, with new slopes of the loads if it ``renews`` them; return the
-    relative residual, inf if there is none.
-    """
+    """Iterate from the prediction; return the relative residual, inf if there is none."""
+    motion = tree.motion
     follows = predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
     loops.predict(tree.loops, workspace, stages, follows, h)
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
     tree.figures[STEPS] += 1.0
     workspace.counts[1] += 1
-    for iteration in range(MAX_ITERATIONS):
-        factors = before > FAR and iteration <= MOST_RENEWALS
-        if not set_nodes(tree, workspace, stages, h, renews and iteration == 0, factors):
+    for iteration in range(iterations):
+        loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
+        if not set_coordinates(tree, h):
             return math.inf
+        recursion.set_places(tree.tree, motion)
+        recursion.set_twists(tree.tree, motion)
+        if not tree.tree.bare:
+            set_loads(tree, workspace, stages, h)
+            if not states_exist(workspace.system.forces.signals, stages.signals):
+                return math.inf
+        if before > FAR and iteration <= MOST_RENEWALS:
+            set_factors(tree, stages, h)
+        recursion.set_momenta(tree.tree, motion)
         residual = correct(tree, stages.tableau.force_weight, h)
         workspace.counts[0] += 1
         tree.figures[ITERATIONS] += 1.0
@@ -178,51 +183,23 @@ def iterate(
             return left if loops.holds(tree.loops, tree.tree) else math.inf
         if iteration > 0 and ratio > STUCK and residual <= TOLERANCE:
             return left if loops.holds(tree.loops, tree.tree) else math.inf
-        if iteration > MOST_RENEWALS and is_hopeless(residual, ratio, iteration):
+        if iteration > MOST_RENEWALS and is_hopeless(residual, ratio, iterations - 1 - iteration):
             return math.inf
         before = residual
     return math.inf
 
 
 @unit
-def set_nodes(
-    tree: TreeStages,
-    workspace: Workspace,
-    stages: StageArrays,
-    h: float,
-    slopes_too: bool,
-    factors_too: bool,
-) -> bool:
-    """Set motion, loads and momenta at all nodes by the rates, with the slopes of the loads and the
-    factors if these are wanted; return whether all that exists.
-    """
-    motion = tree.motion
-    loops.set_nodes(tree.loops, tree.tree, motion, workspace, stages, h)
-    if not set_coordinates(tree, h):
-        return False
-    recursion.set_places(tree.tree, motion)
-    recursion.set_twists(tree.tree, motion)
-    if not tree.tree.bare:
-        set_loads(tree, workspace, stages, h)
-        if not states_exist(workspace.system.forces.signals, stages.signals):
-            return False
-        if slopes_too:
-            set_slopes(tree, stages)
-    if factors_too:
-        set_factors(tree, h)
-    recursion.set_momenta(tree.tree, motion)
-    return True
-
-
-@unit
-def set_factors(tree: TreeStages, h: float) -> None:
+def set_factors(tree: TreeStages, stages: StageArrays, h: float) -> None:
     """Set the factors of the matrices that make corrections of residuals."""
     motion = tree.motion
-    mass_matrix.set_matrix(tree.tree, motion)
-    if not tree.tree.bare:
-        slopes.add_to(tree.slopes, motion.mass, h)
-    mass_matrix.factor(tree.tree, motion.mass)
-    loop_matrix.set_factors(tree.loops, tree.tree, motion)
+    if tree.slopes.used[0] > 0.0:
+        set_slopes(tree, stages)
+        mass_matrix.set_matrix(tree.tree, motion)
+        slopes.set_factors(tree.slopes, tree.tree, motion, h)
+    else:
+        mass_matrix.set_factors(tree.tree, motion)
+    loop_matrix.set_factors(tree.loops, tree.slopes, tree.tree, motion)
 
 
 @kernel
@@ -253,11 +230,10 @@ the first ones contain parts that vanish at once, or grow before they fall."""
 
 
 @kernel
-def is_hopeless(residual: float, ratio: float, iteration: int) -> bool:
-    """Whether the further iterations will not do, by the ``ratio`` of the last corrections."""
+def is_hopeless(residual: float, ratio: float, left: int) -> bool:
+    """Whether ``left`` further iterations will not do, by the ``ratio`` of the last corrections."""
     if not ratio < 1.0:
         return not (ratio < GROWTH and residual < SMALL)
-    left = MAX_ITERATIONS - 1 - iteration
     return residual * ratio ** (SLOWER * left) > TARGET
 
 
@@ -326,8 +302,8 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
             value = value - (h * motion.force[k, j]) * load(tree.nodes, j)
         store(motion.y, k, value)
     loops.add_pull(tree.loops, motion, h)
-    mass_matrix.solve(tree.tree, motion)
-    loops.correct(tree.loops, tree.tree, motion, h)
+    slopes.solve(tree.slopes, tree.tree, motion)
+    loops.correct(tree.loops, tree.slopes, tree.tree, motion, h)
     largest, length = 0.0, max(AT_REST, speed_of_loads(tree, h))
     for k in range(motion.rate.size):
         metres = tree.tree.length[k]
