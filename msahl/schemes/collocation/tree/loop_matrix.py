@@ -64,12 +64,12 @@ def choose(loops: LoopStages) -> None:
 
 @optional()
 def set_factors(
-    loops: LoopStages, matrices: LoadSlopes, tree: Tree, motion: TreeMotion
+    loops: LoopStages, matrices: LoadSlopes | None, tree: Tree, motion: TreeMotion
 ) -> None:
     """Set the factors of T, after those of the matrices that make corrections of residuals."""
     cut, y, A = loops.cut, motion.y, loops.matrix
     s, m, n = loops.weight.size, cut.scale.size, tree.body.size
-    coupled = matrices.used[0] > 0.0  # the nodes, by slopes of loads
+    coupled = slopes.are_used(matrices)  # the nodes, by slopes of loads
     for p in range(m):
         for i in range(s):
             column = m * i + p
@@ -78,7 +78,7 @@ def set_factors(
             for e in range(cut.first[p], cut.first[p + 1]):
                 pull = spread(loops.lever[e, i])
                 store(y, cut.coordinate[e], pull * load(loops.across, i) if coupled else pull)
-            slopes.solve(matrices, tree, motion)
+            slopes.correct(matrices, tree, motion)
             for k in range(n):
                 total = spread(0.0)
                 for j in range(s):

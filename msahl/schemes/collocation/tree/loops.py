@@ -181,7 +181,7 @@ def add_pull(loops: LoopStages, motion: TreeMotion, h: float) -> None:
 
 @optional()
 def correct(
-    loops: LoopStages, matrices: LoadSlopes, tree: Tree, motion: TreeMotion, h: float
+    loops: LoopStages, matrices: LoadSlopes | None, tree: Tree, motion: TreeMotion, h: float
 ) -> None:
     """Correct the multipliers so that the constraints hold after the rates are corrected, too, and
     set ``motion.y`` to the correction of the rates; it is M^-1 times the residual before.
@@ -201,7 +201,7 @@ def correct(
         for j in range(loops.weight.size):
             value = value - (loops.pull[k, j] / h) * load(loops.across, j)
         store(motion.y, k, value)
-    slopes.solve(matrices, tree, motion)
+    slopes.correct(matrices, tree, motion)
     if loops.cut.redundant:
         loops.left[0] = _largest_left(loops, motion, h)
 

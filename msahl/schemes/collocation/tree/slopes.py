@@ -30,7 +30,7 @@ from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.formulations.absolute.frames import moving_count
 from msahl.formulations.tree import mass_matrix
 from msahl.formulations.tree.table import Tree, TreeMotion
-from msahl.jit.kernel import apart, kernel, unit
+from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.jit.lanes import LANES, load, store
 from msahl.ports import forces
 from msahl.schemes.collocation.tableau import lagrange
@@ -60,6 +60,7 @@ def new_slopes(tree: Tree, system: System, nodes: np.ndarray) -> LoadSlopes:
     alone.
     """
     frames, n = system.frames, tree.body.size
+    by_place, by_rate, scratch = np.zeros((3, system.constant.size))
     body, rotates = np.full(node_count(system), -1), np.zeros(node_count(system), dtype=bool)
     for b, f in enumerate(tree.frame):
         if f < moving_count(frames):
@@ -74,7 +75,7 @@ def new_slopes(tree: Tree, system: System, nodes: np.ndarray) -> LoadSlopes:
         by_rate=np.zeros((n, n)),
         by_place=np.zeros((n, n)),
         filled=_filled(tree, bodies),
-        of_bodies=Derivatives(*np.zeros((3, system.constant.size)), np.zeros((body.size, 3))),
+        of_bodies=Derivatives(by_place, by_rate, scratch, np.zeros((body.size, 3))),
         block=between,
         body=bodies,
         rotates=rotates[system.blocks[between]],
@@ -203,8 +204,27 @@ def _motion_of(motion: TreeMotion, k: int, b: int, rotates: bool, lane: int) -> 
     return add(s, cross(a, c))
 
 
-@unit
+@optional()
+def use(slopes: LoadSlopes, whether: float) -> None:
+    """Let corrections be those with slopes, or by mass matrices alone."""
+    slopes.used[0] = whether
+
+
+@optional(False)
+def are_used(slopes: LoadSlopes) -> bool:
+    """Whether corrections are those with slopes, which couple the nodes."""
+    return bool(slopes.used[0] > 0.0)
+
+
+@optional()
 def set_factors(slopes: LoadSlopes, tree: Tree, motion: TreeMotion, h: float) -> None:
+    """Set the factors of the systems of a step ``h``, after C and K."""
+    mass_matrix.set_matrix(tree, motion)
+    _factor(slopes, tree, motion, h)
+
+
+@unit
+def _factor(slopes: LoadSlopes, tree: Tree, motion: TreeMotion, h: float) -> None:
     """Set the factors of the systems of a step ``h``, after C, K and the mass matrices."""
     real, imaginary = slopes.factors[0], slopes.factors[1]
     n, s = tree.body.size, slopes.from_nodes.shape[1]
@@ -232,10 +252,8 @@ def set_factors(slopes: LoadSlopes, tree: Tree, motion: TreeMotion, h: float) ->
 
 
 @kernel
-def _eliminate(
-    slopes: LoadSlopes, real: np.ndarray, imaginary: np.ndarray, n: int, k: int
-) -> None:
-    """Eliminate the unknown ``k`` from the rows before its own, which then has 1/pivot."""
+def _eliminate(slopes: LoadSlopes, real: np.ndarray, imaginary: np.ndarray, n: int, k: int) -> None:
+    """Eliminate the unknown ``k`` from the equations before its own, which then has 1/pivot."""
     own = n * k + k
     a, b = load(real, own), load(imaginary, own)
     size = 1.0 / (a * a + b * b)
@@ -256,12 +274,24 @@ def _eliminate(
                 store(imaginary, place, load(imaginary, place) - (u * y + v * x))
 
 
-@unit
-def solve(slopes: LoadSlopes, tree: Tree, motion: TreeMotion) -> None:
+@kernel
+def correct(slopes: LoadSlopes | None, tree: Tree, motion: TreeMotion) -> None:
     """Replace the residuals ``motion.y`` by the corrections of the rates."""
-    if slopes.used[0] == 0.0:
+    if are_used(slopes):
+        solve(slopes, tree, motion)
+    else:
         mass_matrix.solve(tree, motion)
-        return
+
+
+@optional()
+def solve(slopes: LoadSlopes, tree: Tree, motion: TreeMotion) -> None:
+    """Replace ``motion.y`` by the solution of the systems of all nodes."""
+    _solve(slopes, tree, motion)
+
+
+@unit
+def _solve(slopes: LoadSlopes, tree: Tree, motion: TreeMotion) -> None:
+    """As ``solve``, on its own."""
     y, n = motion.y, tree.body.size
     z_real, z_imaginary = slopes.z[0], slopes.z[1]
     for k in range(n):

@@ -26,12 +26,13 @@ from msahl.system.reductions import loads_alone
 
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
-FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE, STIFF = range(9)
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS = range(5)
+CONTRACTION, SIZE, ABSOLUTE, STIFF, SLOPES = range(5, 10)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
 steps to be left to Newton's method now, and after the next step that is not solved; iterations and
 steps in this form so far; ratio of the second to the first correction, and the size of the step in
 which it was measured [s]; 1 if the next step is to be in absolute coordinates; size of steps that
-take slopes of the loads, inf for none [s]."""
+take slopes of the loads, inf for none [s]; how often these were set so far."""
 MIXED = 8.0
 """Growth of the rest after a pair whose steps were not all of one form, of which only the long one
 did not converge."""
@@ -54,7 +55,7 @@ class TreeStages(NamedTuple):
     tree: Tree
     motion: TreeMotion
     node: LoadNode
-    slopes: LoadSlopes
+    slopes: LoadSlopes | None  # None: gravity is the only load
     loops: LoopStages | None  # of closed loops; None: no code for them
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
@@ -63,7 +64,7 @@ class TreeStages(NamedTuple):
     half_form: np.ndarray  # (2,) ``FROM_TREE`` after each of them
     forms: np.ndarray  # (chunk,) ``FROM_TREE`` after each step of the present chunk
     given: np.ndarray  # (chunk,) 0 where a step of the chunk is to be in absolute coordinates
-    figures: np.ndarray  # (9,) see above
+    figures: np.ndarray  # (10,) see above
 
 
 def new_tree_stages(
@@ -81,7 +82,7 @@ def new_tree_stages(
         tree=tree,
         motion=motion,
         node=load_node,
-        slopes=new_slopes(tree, load_node.system, c),
+        slopes=None if tree.bare else new_slopes(tree, load_node.system, c),
         loops=cut and new_loop_stages(cut, tree, system, tableau),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
@@ -90,7 +91,7 @@ def new_tree_stages(
         half_form=np.zeros(2),
         forms=np.zeros(chunk),
         given=np.ones(chunk),
-        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, np.inf)),
+        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, np.inf, 0.0)),
     )
 
 

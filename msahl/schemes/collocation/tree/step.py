@@ -21,7 +21,8 @@ the axes that it carries along; a ball without moments keeps its angular momentu
 As dp/du is the mass matrix, each iteration subtracts from the rates what the inverse of M(q_i)
 makes of the residual; it contracts by about h times the rates of rotation, and by h^2
 stiffness/mass. All nodes are evaluated at once, in lanes. Where the iteration does not converge the
-step is left to Newton's method in absolute coordinates, and so are the following ones, of which
+slopes of the loads are taken as well (``slopes``); where that does not converge, either, the step
+is left to Newton's method in absolute coordinates, and so are the following ones, of which
 there are more each time.
 
 Loads come from the elements themselves, which see the bodies' poses and velocities at each node.
@@ -130,22 +131,31 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
     begin_loads(workspace, stages, h)
     figures = tree.figures
     figures[STIFF] *= KEPT
-    if h < 0.99 * figures[STIFF]:
-        tree.slopes.used[0] = 0.0
+    if h < ALIKE * figures[STIFF]:
+        use_slopes(tree, False)
         residual = iterate(tree, workspace, stages, h, MAX_LOADED)
         if residual <= TOLERANCE:
             return residual
         figures[STIFF] = h
-    tree.slopes.used[0] = 1.0
+    use_slopes(tree, True)
     residual = iterate(tree, workspace, stages, h, MAX_ITERATIONS)
     if not residual <= TOLERANCE:
         figures[STIFF] = math.inf
     return residual
 
 
-KEPT = 1.0002
-"""Growth of the size of steps that take slopes of the loads, by every step: after 50 they are tried
-without, which costs some five iterations if it fails."""
+KEPT, ALIKE = 1.0002, 0.99
+"""Growth by every step of the size of steps that take slopes of the loads, and fraction of it below
+which a step is tried without: one of the same size after 50, which costs some five iterations if it
+fails."""
+
+
+@kernel
+def use_slopes(tree: TreeStages, whether: bool) -> None:
+    """Let the iteration take slopes of the loads or not; what another one showed does not count."""
+    if slopes.are_used(tree.slopes) != whether:
+        tree.figures[CONTRACTION] = 1.0
+    slopes.use(tree.slopes, 1.0 if whether else 0.0)
 
 
 @unit
@@ -193,9 +203,8 @@ def iterate(
 def set_factors(tree: TreeStages, stages: StageArrays, h: float) -> None:
     """Set the factors of the matrices that make corrections of residuals."""
     motion = tree.motion
-    if tree.slopes.used[0] > 0.0:
-        set_slopes(tree, stages)
-        mass_matrix.set_matrix(tree.tree, motion)
+    if slopes.are_used(tree.slopes):
+        set_slopes(tree.slopes, tree, stages)
         slopes.set_factors(tree.slopes, tree.tree, motion, h)
     else:
         mass_matrix.set_factors(tree.tree, motion)
@@ -302,7 +311,7 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
             value = value - (h * motion.force[k, j]) * load(tree.nodes, j)
         store(motion.y, k, value)
     loops.add_pull(tree.loops, motion, h)
-    slopes.solve(tree.slopes, tree.tree, motion)
+    slopes.correct(tree.slopes, tree.tree, motion)
     loops.correct(tree.loops, tree.slopes, tree.tree, motion, h)
     largest, length = 0.0, max(AT_REST, speed_of_loads(tree, h))
     for k in range(motion.rate.size):
