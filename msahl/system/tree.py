@@ -352,6 +352,7 @@ def _finish(
     own = [of_frame[int(f)] for f in columns["frame"][1:]]
     body = np.array([b for b, *_ in coordinates], dtype=np.int64)
     slides = np.array([s for _, s, *_ in coordinates], dtype=bool)
+    precedes = _precedes(columns["parent"], columns["first"])
     before, depth = _paths(columns["parent"], columns["first"])
     reach = np.where(slides, np.inf, REACH)
     reach[columns["ball"][columns["ball"] >= 0] + 1] = REACH_ACROSS
@@ -368,11 +369,21 @@ def _finish(
         slides=slides,
         axis_frame=np.array([f for *_, f, _ in coordinates], dtype=np.int64),
         axis=np.array([axis for *_, axis in coordinates], dtype=float).reshape(-1, 3),
+        precedes=precedes,
         before=before,
         row=np.append(0, np.cumsum(depth)).astype(np.int64),
         length=np.where(slides, 1.0, frames.length[columns["frame"][body]]),
         reach=reach,
     )
+
+
+def _precedes(parent: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Return (n, b+1) whether a coordinate is on the path from the ground to a body."""
+    found = np.zeros((int(first[-1]), parent.size), dtype=bool)
+    for b in range(1, parent.size):
+        found[:, b] = found[:, parent[b]]
+        found[first[b] : first[b + 1], b] = True
+    return found
 
 
 def _paths(parent: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from msahl.formulations.tree import recursion
 from msahl.jit.compiled import compiled
+from msahl.model.loads import JointSpring
+from msahl.model.settings import OFF
 from msahl.run.explain import explain
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.collocation.tableau import lagrange, new_tableau
+from msahl.schemes.collocation.tree import loads, slopes
 from msahl.schemes.collocation.tree import step as tree_step
-from tests.support.element_samples import SPRING, spring
+from msahl.schemes.collocation.tree.predictor import predict
+from msahl.schemes.collocation.tree.stages import SLOPES, STIFF
+from tests.support.element_samples import SPRING, bushing, spring
 from tests.support.models import deck, drag, random_vector, simulate
 from tests.support.trees import TreeSteps, loaded_tree, random_tree, symplectic_form
 
@@ -169,13 +176,132 @@ def test_compiled_lanes_give_the_digits_of_plain_python(degree):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-14 * max(1.0, np.abs(b).max()))
 
 
-def test_stiff_steps_are_left_to_absolute_coordinates():
-    """A pendulum with a rotational spring whose period is a twentieth of the step: the iteration in
-    joint coordinates cannot converge, and is hardly tried.
+def stiff_chain(stiffness, damping):
+    """Three bodies on revolute joints with springs and dampers, which begin to move at rest."""
+    model = random_tree(np.random.default_rng(5), ("revolute", "revolute", "revolute"))
+    loads = tuple(
+        JointSpring(f"S{k}", joint.name, "angle", stiffness, damping)
+        for k, joint in enumerate(model.joints)
+    )
+    return replace(model, loads=loads)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_slopes_change_no_step(degree):
+    """Where both iterations converge they find the same rates, to round-off of ten steps."""
+    model = stiff_chain(20.0, 0.5)
+    plain, with_slopes = TreeSteps(model, degree), TreeSteps(model, degree)
+    for _ in range(10):
+        with_slopes.tree.figures[STIFF] = 0.0
+        assert tree_step.take_step(*plain.arguments(0.005))
+        assert tree_step.take_step(*with_slopes.arguments(0.005))
+    assert plain.tree.figures[SLOPES] == 0.0 < with_slopes.tree.figures[SLOPES]
+    for a, b in zip(plain.configuration(), with_slopes.configuration(), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-13 * max(1.0, np.abs(b).max()))
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 0.0), (2e4, 1e3)])
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_stiff_steps_are_solved_in_joint_coordinates(degree, stiffness, damping):
+    """Springs whose phase goes on by up to 10 rad in a step, and dampers by which rates fade in a
+    hundredth of one: all converge, to steps as good as those of absolute coordinates.
     """
-    model = deck("stiff_pendulum")
-    both = [simulate(model, scheme="gauss2", full=full).report for full in (False, True)]
-    assert both[0].iterations <= 1.02 * both[1].iterations + 30
+    model = stiff_chain(stiffness, damping)
+    exact = simulate(model, scheme="gauss4", dt=2.5e-4, t_final=0.2).states[-1]
+    given = {"scheme": f"gauss{degree}", "dt": 0.01, "t_final": 0.2, "error": OFF}
+    tree, absolute = (simulate(model, full=full, **given) for full in (False, True))
+    assert tree.report.tree_subsystems == tree.report.subsystems
+    # Six a step with slopes, and one try without of up to ten.
+    assert tree.report.iterations <= tree.report.subsystems * (20 * 6 + 10)
+    errors = [np.abs(run.states[-1] - exact).max() for run in (tree, absolute)]
+    assert errors[0] <= 1.05 * errors[1] + 1e-12
+
+
+def test_slopes_are_derivatives_of_the_generalised_forces():
+    """Of bodies on several kinds of joints, by central differences, whose error is that of a third
+    derivative times 1e-10 and round-off over 1e-5: 1e-9 of the largest slope. By places loads are
+    taken along the joints as they are; their directions do not count as slopes.
+    """
+    steps = loaded_steps(2)
+    h, size, lane = 0.02, 1e-5, 1
+    tree, motion, found = steps.tree.tree, steps.tree.motion, steps.tree.slopes
+    given, rates = motion.q.copy(), motion.u.copy()
+
+    def loads_at(places, rates):
+        motion.q[:], motion.u[:] = places, rates
+        recursion.set_places(tree, motion)
+        recursion.set_twists(tree, motion)
+        loads.set_loads(steps.tree, steps.workspace, steps.stages, h)
+        return motion.load[6:, lane].copy()
+
+    def differences(of):
+        ends = ((of(-c), of(c)) for c in size * np.eye(tree.body.size)[:, :, None])
+        return np.array([motions @ (a - b) / (2.0 * size) for a, b in ends]).T
+
+    loads_at(given, rates)
+    motions = unit_motions(tree, motion, lane)
+    loads.set_slopes(found, steps.tree, steps.stages)
+    by_rate = found.by_rate.copy(), differences(lambda c: loads_at(given, rates + c))
+    # At rest, as places change velocities, too.
+    loads_at(given, np.zeros_like(rates))
+    loads.set_slopes(found, steps.tree, steps.stages)
+    by_place = found.by_place.copy(), differences(lambda c: loads_at(given + c, 0.0 * rates))
+    for slope, exact in (by_rate, by_place):
+        assert np.count_nonzero(slope) > tree.body.size
+        np.testing.assert_allclose(slope, exact, rtol=0.0, atol=1e-9 * np.max(np.abs(exact)))
+
+
+def loaded_steps(degree):
+    """Steps of bodies on several kinds of joints with springs and drag, at the motion predicted."""
+    rng = np.random.default_rng(7)
+    model = random_tree(rng, ("spherical", "universal", "cylindrical"))
+    given = (spring(rng, model, **SPRING, free_length=0.8), bushing(rng, model))
+    given = (*given, drag("D", "B1", random_vector(rng), 0.2))
+    steps = TreeSteps(replace(model, loads=given), degree)
+    h, motion = 0.02, steps.tree.motion
+    recursion.begin(steps.tree.tree, motion, steps.state.x, steps.workspace.start.frames)
+    predict(steps.tree, steps.stages, steps.workspace.start.frames.R, 0.0, h)
+    loads.begin_loads(steps.workspace, steps.stages, h)
+    assert tree_step.set_coordinates(steps.tree, h)
+    recursion.set_places(steps.tree.tree, motion)
+    return steps
+
+
+def unit_motions(tree, motion, lane):
+    """(n, 6 b) angular velocities and velocities of the mass centres by unit rates."""
+    found = np.zeros((tree.body.size, tree.frame.size, 6))
+    place = motion.place[:, lane].reshape(-1, 3)
+    for k, b in np.argwhere(tree.precedes):
+        a, s = motion.screw[6 * k : 6 * k + 6, lane].reshape(2, 3)
+        found[k, b] = [*a, *(s + np.cross(a, place[b]))]
+    return found[:, 1:].reshape(tree.body.size, -1)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_solutions_with_slopes_are_those_of_all_nodes_together(degree):
+    """Of a tree with branches that stiff loads connect, to round-off."""
+    steps, h, rng = loaded_steps(degree), 0.02, np.random.default_rng(degree)
+    tree, motion, found = steps.tree.tree, steps.tree.motion, steps.tree.slopes
+    recursion.set_twists(tree, motion)
+    loads.set_loads(steps.tree, steps.workspace, steps.stages, h)
+    n, found.used[0] = tree.body.size, 1.0
+    tree_step.set_factors(steps.tree, steps.stages, h)
+    mass = np.zeros((n, n))
+    for k in range(n):
+        j = k
+        for entry in range(tree.row[k], tree.row[k + 1]):
+            mass[k, j] = mass[j, k] = motion.mass[entry, :degree].mean()
+            j = tree.before[j]
+    c = new_tableau("gauss", degree).force_time
+    A = lagrange(c, c, -1)
+    together = np.kron(np.eye(degree), mass) + h * np.kron(A, found.by_rate)
+    together += h * h * np.kron(A @ A, found.by_place)
+    motion.y[:] = rng.normal(size=motion.y.shape)
+    wanted = np.linalg.solve(together, motion.y[:, :degree].T.reshape(-1)).reshape(degree, n).T
+    slopes.solve(found, tree, motion)
+    np.testing.assert_allclose(
+        motion.y[:, :degree], wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max()
+    )
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def test_a_run_of_violent_steps_goes_on_bit_for_bit(monkeypatch, steps):
 
 
 @pytest.mark.parametrize("scheme", ["gauss", "radau"])
-@pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
+@pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge", "flyball_governor"])
 def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
     model = deck(name)
     simulation = replace(

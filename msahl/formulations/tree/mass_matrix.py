@@ -31,6 +31,13 @@ from msahl.jit.lanes import load, spread, store
 @unit
 def set_factors(tree: Tree, motion: TreeMotion) -> None:
     """Set ``motion.mass`` to the factors of the mass matrix, after ``set_places``."""
+    set_matrix(tree, motion)
+    _factor(tree, motion.mass)
+
+
+@unit
+def set_matrix(tree: Tree, motion: TreeMotion) -> None:
+    """Set ``motion.mass`` to the mass matrix itself."""
     for b in range(1, tree.frame.size):
         _set_inertia(tree, motion, b)
     for b in range(tree.frame.size - 1, 0, -1):
@@ -43,7 +50,6 @@ def set_factors(tree: Tree, motion: TreeMotion) -> None:
                     row,
                     load(motion.composite, row) + load(motion.composite, 10 * b + i),
                 )
-    _factor(tree, motion.mass)
 
 
 @kernel

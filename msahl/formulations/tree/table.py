@@ -39,6 +39,7 @@ class Tree(NamedTuple):
     slides: np.ndarray  # (n,) whether it is a slide; a hinge otherwise
     axis_frame: np.ndarray  # (n,) frame in which its axis is fixed
     axis: np.ndarray  # (n, 3) in that frame's axes
+    precedes: np.ndarray  # (n, b+1) whether it is on the path from the ground to a body
     before: np.ndarray  # (n,) coordinate before it on the path from the ground; -1 for none
     row: np.ndarray  # (n+1,) its entries in the mass matrix: its own, then those before it
     length: np.ndarray  # (n,) displacement of a unit of it, that of its body's length [m or 1]

@@ -514,9 +514,11 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
     figures, seen, k = control.figures, detector.figures, control.event[0]
     end, value = control.end.time[0], detector.ends[2, k] - seen[step_events.LEVEL]
     last_end, last = seen[step_events.LAST_TIME], seen[step_events.LAST_VALUE]
+    small = abs(value) <= margins.AT_ENDS * abs(detector.ends[2, k] - detector.ends[0, k])
     near = value == 0.0
     if control.counts[SOUGHT] > 1 and end != last_end:
-        near = abs(value) >= 0.5 * abs(last)  # round-off: the secant gains more
+        # Round-off, if it is small; else the rate that led here was wrong.
+        near = small and abs(value) >= 0.5 * abs(last)
         if value != last:
             seen[step_events.RATE] = (value - last) / (end - last_end)
     seen[step_events.LAST_TIME], seen[step_events.LAST_VALUE] = end, value
@@ -526,8 +528,7 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
         return CROSSES
     near = near or abs(new - end) <= ROUND_OFF * end
     if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
-        change = abs(detector.ends[2, k] - detector.ends[0, k])
-        if near or abs(value) <= margins.AT_ENDS * change:
+        if near or small:
             detector.event[0] = k
             return NO_EVENT
         # The dense output of the long pair was wrong by more. This pair may have the event within.

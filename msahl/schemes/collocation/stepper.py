@@ -22,7 +22,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.tree.stages import ITERATIONS, STEPS, TreeStages
+from msahl.schemes.collocation.tree.stages import ITERATIONS, SLOPES, STEPS, TreeStages
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.contact_steps import MOST_EVENTS, ContactSteps
 from msahl.schemes.detection import Detection
@@ -115,7 +115,8 @@ class CollocationMethod:
         if tree is None:
             return (stages,)
         unknowns = () if tree.loops is None else (tree.loops.last_y,)
-        return (stages, tree.last_rates, tree.figures, *unknowns)
+        slopes = () if tree.slopes is None else (tree.slopes.used,)
+        return (stages, tree.last_rates, tree.figures, *slopes, *unknowns)
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -167,9 +168,9 @@ class CollocationMethod:
         iterations, factorisations = self.workspace.counts.tolist()
         if self.subsystem.tree is None:
             return work_of(self.degree, iterations, factorisations)
-        in_tree, steps = self.subsystem.tree.figures[[ITERATIONS, STEPS]].tolist()
+        in_tree, steps, slopes = self.subsystem.tree.figures[[ITERATIONS, STEPS, SLOPES]].tolist()
         rest = work_of(self.degree, iterations - in_tree, factorisations - steps)
-        return rest + work_in_tree(self.subsystem.tree, self.degree, in_tree, steps)
+        return rest + work_in_tree(self.subsystem.tree, self.degree, in_tree, steps, slopes)
 
     def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
         """What detects events, if there can be any."""
@@ -461,13 +462,18 @@ def work_of(degree: int, iterations: float, factorisations: float) -> float:
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations
 
 
-def work_in_tree(tree: TreeStages, degree: int, iterations: float, steps: float) -> float:
+def work_in_tree(
+    tree: TreeStages, degree: int, iterations: float, steps: float, slopes: float
+) -> float:
     """Work of steps in joint coordinates, in the same unit. All nodes are evaluated at once, so it
     does not depend on the degree but for what elements evaluate node by node: loads, and the
-    equations of cut joints, whose factors are those of a small matrix. By timings of pendulums, a
-    slide on a spring, a four-bar and a slider-crank.
+    equations of cut joints, whose factors are those of a small matrix; slopes of loads are those of
+    one node. By timings of pendulums, a slide on a spring, a four-bar, a slider-crank, and of a
+    robot, a suspension and a governor with slopes.
     """
     each = 0.12 if tree.tree.bare else 0.12 + 0.26 * degree
+    set_anew = 0.8
     if tree.loops is not None:
         each += 0.2 + 0.1 * degree
-    return each * iterations + 0.6 * steps
+        set_anew = 2.0
+    return each * iterations + 0.6 * steps + set_anew * slopes

@@ -9,6 +9,7 @@ from msahl.model import JointSpring, SpringDamper
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.tree import loop_matrix
 from msahl.schemes.collocation.tree import step as tree_step
+from msahl.schemes.collocation.tree.stages import ITERATIONS, SLOPES, STIFF
 from msahl.system import evaluate
 from tests.support.loops import PLANAR, SPATIAL, bennett, random_loop
 from tests.support.models import deck
@@ -72,6 +73,21 @@ def test_a_deck_moves_as_in_absolute_coordinates(name):
         assert take(tree, CLOSED[name])
         assert newton.take_step(absolute.subsystem, CLOSED[name])
     assert distance(tree, absolute) < 1e-12
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+@pytest.mark.parametrize("kind", [PLANAR, SPATIAL])
+def test_slopes_of_loads_change_no_step_of_a_loop(kind, degree):
+    """Loops with springs, by both iterations: the same rates and multipliers, to round-off."""
+    model = passive(random_loop(np.random.default_rng(1), kind))
+    plain, with_slopes = TreeSteps(model, degree), TreeSteps(model, degree)
+    for _ in range(3):
+        with_slopes.tree.figures[STIFF] = 0.0
+        assert take(plain, 1e-3)
+        assert take(with_slopes, 1e-3)
+    assert plain.tree.figures[SLOPES] == 0.0 < with_slopes.tree.figures[SLOPES]
+    assert with_slopes.tree.figures[ITERATIONS] <= plain.tree.figures[ITERATIONS]
+    assert distance(plain, with_slopes) < 1e-13
 
 
 def test_redundant_equations_follow_from_those_that_are_independent():

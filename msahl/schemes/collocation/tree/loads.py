@@ -29,7 +29,9 @@ from msahl.formulations.absolute.frames import (
 from msahl.jit.kernel import apart, kernel, optional
 from msahl.jit.lanes import LANES
 from msahl.ports import forces
-from msahl.schemes.collocation.tree.stages import LoadNode, TreeStages
+from msahl.schemes.collocation.tree import slopes
+from msahl.schemes.collocation.tree.slopes import LoadSlopes
+from msahl.schemes.collocation.tree.stages import SLOPES, LoadNode, TreeStages
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
 from msahl.system import evaluate
@@ -57,6 +59,15 @@ def set_loads(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: fl
     for row in range(tree.motion.load.shape[0]):
         for i in range(tree.nodes.shape[0], LANES):
             tree.motion.load[row, i] = tree.motion.load[row, i - 1]
+
+
+@optional()
+def set_slopes(found: LoadSlopes, tree: TreeStages, stages: StageArrays) -> None:
+    """Set the slopes of the loads to those at the last node, after ``set_loads``."""
+    last, node = tree.nodes.shape[0] - 1, tree.node
+    given = node.system, node.start.forces, stages.reaction[last], last
+    slopes.differentiate(found, tree.tree, tree.motion, *given)
+    tree.figures[SLOPES] += 1.0
 
 
 @optional()

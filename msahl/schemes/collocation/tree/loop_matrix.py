@@ -7,7 +7,9 @@ from msahl.formulations.tree import mass_matrix
 from msahl.formulations.tree.table import Tree, TreeMotion
 from msahl.jit.kernel import kernel, optional
 from msahl.jit.lanes import load, spread, store
+from msahl.schemes.collocation.tree import slopes
 from msahl.schemes.collocation.tree.loop_stages import LoopStages
+from msahl.schemes.collocation.tree.slopes import LoadSlopes
 
 INDEPENDENT = 1e-10
 """Pivot, relative to the equation's own diagonal entry, above which one of redundant equations
@@ -61,22 +63,27 @@ def choose(loops: LoopStages) -> None:
 
 
 @optional()
-def set_factors(loops: LoopStages, tree: Tree, motion: TreeMotion) -> None:
-    """Set the factors of T, after those of the mass matrices."""
+def set_factors(
+    loops: LoopStages, matrices: LoadSlopes | None, tree: Tree, motion: TreeMotion
+) -> None:
+    """Set the factors of T, after those of the matrices that make corrections of residuals."""
     cut, y, A = loops.cut, motion.y, loops.matrix
     s, m, n = loops.weight.size, cut.scale.size, tree.body.size
+    coupled = slopes.are_used(matrices)  # the nodes, by slopes of loads
     for p in range(m):
         for i in range(s):
             column = m * i + p
             for k in range(n):
                 store(y, k, spread(0.0))
             for e in range(cut.first[p], cut.first[p + 1]):
-                store(y, cut.coordinate[e], spread(loops.lever[e, i]))
-            mass_matrix.solve(tree, motion)
+                pull = spread(loops.lever[e, i])
+                store(y, cut.coordinate[e], pull * load(loops.across, i) if coupled else pull)
+            slopes.correct(matrices, tree, motion)
             for k in range(n):
                 total = spread(0.0)
                 for j in range(s):
-                    total = total + (loops.across[i, j] * y[k, j]) * load(loops.to_nodes, j)
+                    share = 1.0 if coupled else loops.across[i, j]
+                    total = total + (share * y[k, j]) * load(loops.to_nodes, j)
                 store(y, k, total)
             for r in range(m):
                 total = spread(0.0)

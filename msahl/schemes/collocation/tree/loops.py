@@ -35,9 +35,11 @@ from msahl.formulations.tree import mass_matrix, recursion
 from msahl.formulations.tree.table import Tree, TreeMotion
 from msahl.jit.kernel import kernel, optional
 from msahl.jit.lanes import load, spread, store
+from msahl.schemes.collocation.tree import slopes
 from msahl.schemes.collocation.tree.loop_matrix import choose, set_end_matrix
 from msahl.schemes.collocation.tree.loop_nodes import enter_node, set_gaps, set_gradient, set_levers
 from msahl.schemes.collocation.tree.loop_stages import LoopStages
+from msahl.schemes.collocation.tree.slopes import LoadSlopes
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE
@@ -178,7 +180,9 @@ def add_pull(loops: LoopStages, motion: TreeMotion, h: float) -> None:
 
 
 @optional()
-def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> None:
+def correct(
+    loops: LoopStages, matrices: LoadSlopes | None, tree: Tree, motion: TreeMotion, h: float
+) -> None:
     """Correct the multipliers so that the constraints hold after the rates are corrected, too, and
     set ``motion.y`` to the correction of the rates; it is M^-1 times the residual before.
     """
@@ -197,7 +201,7 @@ def correct(loops: LoopStages, tree: Tree, motion: TreeMotion, h: float) -> None
         for j in range(loops.weight.size):
             value = value - (loops.pull[k, j] / h) * load(loops.across, j)
         store(motion.y, k, value)
-    mass_matrix.solve(tree, motion)
+    slopes.correct(matrices, tree, motion)
     if loops.cut.redundant:
         loops.left[0] = _largest_left(loops, motion, h)
 

@@ -5,6 +5,7 @@ the following ones, of which there are more each time. Each form has a truncatio
 what compares steps, the halves of a pair or a run and its companion, compares those of one form.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from msahl.jit.lanes import LANES
 from msahl.schemes.collocation.tableau import Halves, Tableau, lagrange
 from msahl.schemes.collocation.tree import loop_stages
 from msahl.schemes.collocation.tree.loop_stages import LoopStages, new_loop_stages
+from msahl.schemes.collocation.tree.slopes import LoadSlopes, new_slopes
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
@@ -24,11 +26,13 @@ from msahl.system.reductions import loads_alone
 
 LONGEST_REST = 256
 """Largest number of steps that are left to Newton's method after one that was not solved."""
-FROM_TREE, RESTING, REST, ITERATIONS, STEPS, CONTRACTION, SIZE, ABSOLUTE = range(8)
+FROM_TREE, RESTING, REST, ITERATIONS, STEPS = range(5)
+CONTRACTION, SIZE, ABSOLUTE, STIFF, SLOPES = range(5, 10)
 """Places in ``TreeStages.figures``: 1 if the polynomials to follow are those of rates of this form;
 steps to be left to Newton's method now, and after the next step that is not solved; iterations and
 steps in this form so far; ratio of the second to the first correction, and the size of the step in
-which it was measured [s]; 1 if the next step is to be in absolute coordinates."""
+which it was measured [s]; 1 if the next step is to be in absolute coordinates; size of steps that
+take slopes of the loads, inf for none [s]; how often these were set so far."""
 MIXED = 8.0
 """Growth of the rest after a pair whose steps were not all of one form, of which only the long one
 did not converge."""
@@ -51,6 +55,7 @@ class TreeStages(NamedTuple):
     tree: Tree
     motion: TreeMotion
     node: LoadNode
+    slopes: LoadSlopes | None  # None: gravity is the only load
     loops: LoopStages | None  # of closed loops; None: no code for them
     nodes: np.ndarray  # (s, LANES) a_ij: lane i of row j
     rates: np.ndarray  # (s + 1, n) of the coordinates at c_i and at the start, of the present step
@@ -59,7 +64,7 @@ class TreeStages(NamedTuple):
     half_form: np.ndarray  # (2,) ``FROM_TREE`` after each of them
     forms: np.ndarray  # (chunk,) ``FROM_TREE`` after each step of the present chunk
     given: np.ndarray  # (chunk,) 0 where a step of the chunk is to be in absolute coordinates
-    figures: np.ndarray  # (8,) see above
+    figures: np.ndarray  # (10,) see above
 
 
 def new_tree_stages(
@@ -72,10 +77,12 @@ def new_tree_stages(
     c, motion = tableau.force_time, new_motion(tree)
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
+    load_node = _new_load_node(system, workspace.state)
     return TreeStages(
         tree=tree,
         motion=motion,
-        node=_new_load_node(system, workspace.state),
+        node=load_node,
+        slopes=None if tree.bare else new_slopes(tree, load_node.system, c),
         loops=cut and new_loop_stages(cut, tree, system, tableau),
         nodes=np.ascontiguousarray(lagrange(c, c, -1)[node].T),
         rates=np.zeros((s + 1, n)),
@@ -84,7 +91,7 @@ def new_tree_stages(
         half_form=np.zeros(2),
         forms=np.zeros(chunk),
         given=np.ones(chunk),
-        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0)),
+        figures=np.array((0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, np.inf, 0.0)),
     )
 
 
@@ -102,6 +109,7 @@ def forget(tree: TreeStages) -> None:
     """Solve the next step in this form, without what earlier steps have shown."""
     for place in (FROM_TREE, RESTING):
         tree.figures[place] = 0.0
+    tree.figures[STIFF] = math.inf
     for place in (REST, CONTRACTION, SIZE):
         tree.figures[place] = 1.0
 

@@ -21,7 +21,8 @@ the axes that it carries along; a ball without moments keeps its angular momentu
 As dp/du is the mass matrix, each iteration subtracts from the rates what the inverse of M(q_i)
 makes of the residual; it contracts by about h times the rates of rotation, and by h^2
 stiffness/mass. All nodes are evaluated at once, in lanes. Where the iteration does not converge the
-step is left to Newton's method in absolute coordinates, and so are the following ones, of which
+slopes of the loads are taken as well (``slopes``); where that does not converge, either, the step
+is left to Newton's method in absolute coordinates, and so are the following ones, of which
 there are more each time.
 
 Loads come from the elements themselves, which see the bodies' poses and velocities at each node.
@@ -54,8 +55,14 @@ from msahl.formulations.absolute.frames import Frames, restrict
 from msahl.formulations.tree import mass_matrix, recursion
 from msahl.jit.kernel import kernel, optional, unit
 from msahl.jit.lanes import LANES, load, spread, store
-from msahl.schemes.collocation.tree import loop_end, loop_matrix, loops
-from msahl.schemes.collocation.tree.loads import begin_loads, body_motion, set_loads, states_exist
+from msahl.schemes.collocation.tree import loop_end, loop_matrix, loops, slopes
+from msahl.schemes.collocation.tree.loads import (
+    begin_loads,
+    body_motion,
+    set_loads,
+    set_slopes,
+    states_exist,
+)
 from msahl.schemes.collocation.tree.predictor import predict, save_rates
 from msahl.schemes.collocation.tree.stages import (
     ABSOLUTE,
@@ -67,6 +74,7 @@ from msahl.schemes.collocation.tree.stages import (
     RESTING,
     SIZE,
     STEPS,
+    STIFF,
     TreeStages,
 )
 from msahl.schemes.collocation.workspace import StageArrays
@@ -116,15 +124,49 @@ def take_step(
 @unit
 def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> float:
     """Solve for the rates at all nodes; return the relative residual, inf if there is none."""
+    recursion.begin(tree.tree, tree.motion, workspace.state.x, workspace.start.frames)
+    loops.begin(tree.loops, tree.tree, tree.motion, workspace, stages, h)
+    if tree.tree.bare:
+        return iterate(tree, workspace, stages, h, MAX_ITERATIONS)
+    begin_loads(workspace, stages, h)
+    figures = tree.figures
+    figures[STIFF] *= KEPT
+    if h < ALIKE * figures[STIFF]:
+        use_slopes(tree, False)
+        residual = iterate(tree, workspace, stages, h, MAX_LOADED)
+        if residual <= TOLERANCE:
+            return residual
+        figures[STIFF] = h
+    use_slopes(tree, True)
+    residual = iterate(tree, workspace, stages, h, MAX_ITERATIONS)
+    if not residual <= TOLERANCE:
+        figures[STIFF] = math.inf
+    return residual
+
+
+KEPT, ALIKE = 1.0002, 0.99
+"""Growth by every step of the size of steps that take slopes of the loads, and fraction of it below
+which a step is tried without: one of the same size after 50, which costs some five iterations if it
+fails."""
+
+
+@kernel
+def use_slopes(tree: TreeStages, whether: bool) -> None:
+    """Let the iteration take slopes of the loads or not; what another one showed does not count."""
+    if slopes.are_used(tree.slopes) != whether:
+        tree.figures[CONTRACTION] = 1.0
+    slopes.use(tree.slopes, 1.0 if whether else 0.0)
+
+
+@unit
+def iterate(
+    tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float, iterations: int
+) -> float:
+    """Iterate from the prediction; return the relative residual, inf if there is none."""
     motion = tree.motion
-    recursion.begin(tree.tree, motion, workspace.state.x, workspace.start.frames)
-    loops.begin(tree.loops, tree.tree, motion, workspace, stages, h)
     follows = predict(tree, stages, workspace.start.frames.R, workspace.state.time[0], h)
     loops.predict(tree.loops, workspace, stages, follows, h)
-    if not tree.tree.bare:
-        begin_loads(workspace, stages, h)
     before, most = math.inf, WORK_TARGET if stages.work.size > 0 else math.inf
-    iterations = MAX_ITERATIONS if tree.tree.bare else MAX_LOADED
     tree.figures[STEPS] += 1.0
     workspace.counts[1] += 1
     for iteration in range(iterations):
@@ -133,13 +175,12 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             return math.inf
         recursion.set_places(tree.tree, motion)
         recursion.set_twists(tree.tree, motion)
-        if before > FAR and iteration <= MOST_RENEWALS:
-            mass_matrix.set_factors(tree.tree, motion)
-            loop_matrix.set_factors(tree.loops, tree.tree, motion)
         if not tree.tree.bare:
             set_loads(tree, workspace, stages, h)
             if not states_exist(workspace.system.forces.signals, stages.signals):
                 return math.inf
+        if before > FAR and iteration <= MOST_RENEWALS:
+            set_factors(tree, stages, h)
         recursion.set_momenta(tree.tree, motion)
         residual = correct(tree, stages.tableau.force_weight, h)
         workspace.counts[0] += 1
@@ -156,6 +197,18 @@ def solve_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: f
             return math.inf
         before = residual
     return math.inf
+
+
+@unit
+def set_factors(tree: TreeStages, stages: StageArrays, h: float) -> None:
+    """Set the factors of the matrices that make corrections of residuals."""
+    motion = tree.motion
+    if slopes.are_used(tree.slopes):
+        set_slopes(tree.slopes, tree, stages)
+        slopes.set_factors(tree.slopes, tree.tree, motion, h)
+    else:
+        mass_matrix.set_factors(tree.tree, motion)
+    loop_matrix.set_factors(tree.loops, tree.slopes, tree.tree, motion)
 
 
 @kernel
@@ -258,8 +311,8 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
             value = value - (h * motion.force[k, j]) * load(tree.nodes, j)
         store(motion.y, k, value)
     loops.add_pull(tree.loops, motion, h)
-    mass_matrix.solve(tree.tree, motion)
-    loops.correct(tree.loops, tree.tree, motion, h)
+    slopes.correct(tree.slopes, tree.tree, motion)
+    loops.correct(tree.loops, tree.slopes, tree.tree, motion, h)
     largest, length = 0.0, max(AT_REST, speed_of_loads(tree, h))
     for k in range(motion.rate.size):
         metres = tree.tree.length[k]
