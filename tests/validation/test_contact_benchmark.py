@@ -56,7 +56,7 @@ def test_contacts_are_spheres_on_planes_or_on_each_other():
     assert (sphere.ball.radius, sphere.friction, sphere.mass) == (0.1, 0.2, 1.0)
     balls = pairs(scene("Newton's cradle").model)
     assert all(isinstance(pair.other, Ball) and pair.mass == pytest.approx(0.5) for pair in balls)
-    # An impulse on a corner of the box turns it, too: 1/m + y^2/Ixx + x^2/Iyy.
+    # An impulse on a corner of the box rotates it, too: 1/m + y^2/Ixx + x^2/Iyy.
     corners = pairs(scene("box on a slope").model)
     assert [1.0 / pair.mass for pair in corners] == pytest.approx([1.0 + 1.5 + 2.4] * 4)
 
