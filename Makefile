@@ -151,6 +151,7 @@ bench: .venv/installed
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.precision
 	$(BIN)/python -m benchmarks.mechanisms.measure
+	$(BIN)/python -m benchmarks.contact.measure
 	$(BIN)/python -m benchmarks.beams.measure
 
 # Compares every number that the thesis prints with the computed one.

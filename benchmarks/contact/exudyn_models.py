@@ -90,6 +90,8 @@ def cannot(model: Model, variant: str) -> str:
         return "explicit solvers take no joints between bodies"
     if chosen.adaptive and len(rough) >= SEVERAL:
         return "adaptive steps become ever smaller where several contacts stick: 217 s for one run"
+    if chosen.adaptive and any(pair.restitution for pair in pairs(model)):
+        return "adaptive steps give up at a rebound or become ever smaller"
     return ""
 
 

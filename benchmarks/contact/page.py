@@ -14,6 +14,7 @@ from benchmarks.mechanisms.page import (
     cell,
     in_milliseconds,
     lost,
+    missing,
     reasons_of,
     settings_of,
 )
@@ -43,10 +44,7 @@ Why:
   their steps, so an error of 1e-3 m is theirs wherever their contact law reaches it.
 - Their contacts are springs and dampers. Error falls with the duration of a contact, so with the
   step, by order 1: each further digit takes ten times as long. An impact that begins between two
-  steps scatters, which is why their curves are not smooth.
-- Restitution: MuJoCo's and Exudyn's springs are given a coefficient; they lose the last rebounds,
-  which last shorter than a contact. Drake's damper of Hunt and Crossley rebounds with a share that
-  depends on the speed; SAP has a linear one, but its implicit step damps as well."""
+  steps scatters, which is why their curves are not smooth."""
 
 
 def write_page(found: list[Found], machine: list[str], folder: Path) -> None:
@@ -63,6 +61,7 @@ def report(found: list[Found], folder: Path) -> str:
         "# Contact",
         INTRODUCTION,
         (folder / MACHINE).read_text().strip(),
+        missing(found, ABOUT),
         *(f"## The fastest code of each program, {t:.0e} m\n\n{_summary(found, t)}"
           for t in (COARSE, FINE)),
         f"## The smallest error of each program\n\n{_smallest(found)}",

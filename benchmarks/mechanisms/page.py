@@ -59,7 +59,7 @@ def report(found: list[Found], folder: Path) -> str:
         "at the output times is 1e-3, 1e-6 and 1e-9 m. How to read the columns: "
         "[Benchmarks](../README.md#how-to-read-resultsmechanismsmd).",
         (folder / MACHINE).read_text().strip(),
-        _missing(found),
+        missing(found, ABOUT),
         f"## The fastest code of each program, 1e-6 m\n\n{_summary(found)}",
         f"![error against time]({PICTURE})",
         f"## Asked and measured\n\n{table_of_verdicts(verdicts(found))}",
@@ -70,9 +70,10 @@ def report(found: list[Found], folder: Path) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _missing(found: list[Found]) -> str:
-    missing = [name for name in ABOUT if name not in {one.problem.name for one in found}]
-    return f"Not measured yet: {', '.join(missing)}." if missing else ""
+def missing(found: list[Found], about: dict[str, str]) -> str:
+    """Return which of the problems that are described were not measured."""
+    names = [name for name in about if name not in {one.problem.name for one in found}]
+    return f"Not measured yet: {', '.join(names)}." if names else ""
 
 
 def _summary(found: list[Found]) -> str:
