@@ -41,7 +41,7 @@ def impulses(
     ``complementarity.NoSolution``.
     """
     if cones is not None:
-        return _with_friction(law, W, v, e, cones)
+        return _clean(_with_friction(law, W, v, e, cones))
     if law == STRONGE and np.count_nonzero(v < 0.0) > 1 and (e > 0.0).any():
         raise SeveralAtOnce
     if law == NEWTON:
@@ -109,4 +109,5 @@ def _gain(W: np.ndarray, v: np.ndarray, impulse: np.ndarray) -> float:
 
 def _clean(impulse: np.ndarray) -> np.ndarray:
     """Return impulses without those that are round-off of the others."""
-    return np.where(impulse > ROUND_OFF * impulse.max(initial=0.0), impulse, 0.0)
+    size = np.abs(impulse)
+    return np.where(size > ROUND_OFF * size.max(initial=0.0), impulse, 0.0)
