@@ -23,10 +23,7 @@ def curve_shapes(
     for contact in model.contacts:
         if not isinstance(contact, PinContact):
             continue
-        x, y, z = np.array(contact.axes)
-        points = np.array(outline(segments_of(contact.curve)))
-        places = contact.parent_point + points[:, :1] * x + points[:, 1:] * y
-        for start, end in pairwise(places):
+        for start, end in pairwise(points_of(contact)):
             span = end - start
             length = float(np.sqrt(span @ span))
             if length > 0.0:
@@ -34,9 +31,19 @@ def curve_shapes(
                 yield numbers[contact.parent], shape("rod", [radius, length], middle, upright)
         if contact.radius > 0.0:
             size = [contact.radius, WIDE * contact.radius]
-            axis = _axes(model, contact.child).T @ _axes(model, contact.parent) @ z
+            axis = _axes(model, contact.child).T @ _axes(model, contact.parent) @ contact.axes[2]
             upright = quaternion(along(axis))
             yield numbers[contact.child], shape("disc", size, contact.child_point, upright)
+
+
+def points_of(contact: PinContact) -> np.ndarray:
+    """Return points (n, 3) of a curve, as it goes, in the parent's axes from its reference
+    point.
+    """
+    x, y, _ = np.array(contact.axes)
+    points = np.array(outline(segments_of(contact.curve)))
+    places: np.ndarray = contact.parent_point + points[:, :1] * x + points[:, 1:] * y
+    return places
 
 
 def _axes(model: Model, name: str) -> np.ndarray:

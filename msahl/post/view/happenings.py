@@ -2,10 +2,11 @@
 
     {
       "contacts": [{               # of those that are drawn, one for each side
-        "name": str, "shape": str, # "plane", "rim", "centre", "box" or "joint"
+        "name": str, "shape": str, # "plane", "rim", "centre", "box", "curve" or "joint"
         "parent": int, "parentPoint": [3], "child": int, "childPoint": [3],
-        "axis": [3] or null,       # normal of the plane, axis of the cylinder, rim's axis, ...
+        "axis": [3] or null,       # normal of the plane, also that of a curve; axis of the cylinder
         "rim": [3] or null, "radius": float, "half": [3] or null, "axes": [9] or null,
+        "curve": [[3]] or null,    # points, as it goes; what is on its left is solid
         "sign": float,             # -1 where the child is inside
         "times": [float], "states": [int]   # from each time on: places in STATES
       }],
@@ -32,10 +33,12 @@ from msahl.model import (
     DistanceLimit,
     JointLimit,
     Model,
+    PinContact,
     PlaneContact,
     SphereContact,
 )
 from msahl.model.events import Impulse
+from msahl.post.scene.curves import points_of
 from msahl.post.scene.geometry import floats
 from msahl.post.scene.glyphs import Entry, numbers
 from msahl.results.sample import Sample
@@ -117,7 +120,7 @@ def _states(rows: pd.DataFrame | None) -> dict[str, Any]:
 def _place(side: ContactSide, model: Model, body: Mapping[str, int]) -> Entry | None:
     """Return where the point of a contact is; None of a kind that is not drawn."""
     contact = side.contact
-    entry: Entry = dict.fromkeys(("axis", "rim", "half", "axes"))
+    entry: Entry = dict.fromkeys(("axis", "rim", "half", "axes", "curve"))
     entry |= {"shape": "centre", "radius": 0.0, "sign": side.sign}
     if isinstance(contact, JointLimit):
         joint = next(joint for joint in model.joints if joint.name == contact.joint)
@@ -134,6 +137,9 @@ def _place(side: ContactSide, model: Model, body: Mapping[str, int]) -> Entry | 
         axes = [float(c) for row in contact.axes for c in row]
         entry |= {"shape": "box", "half": floats(contact.half), "axes": axes}
         entry |= {"radius": contact.parent_radius}
+    elif isinstance(contact, PinContact):
+        entry |= {"shape": "curve", "curve": points_of(contact).tolist()}
+        entry |= {"axis": floats(contact.axes[2]), "radius": contact.radius}
     elif isinstance(contact, DistanceLimit):
         entry |= {"radius": side.limit}
     else:

@@ -109,6 +109,7 @@ export class Contacts {
     const b = this.model.pointOf(child, contact.childPoint);
     if (shape === "joint") return { point: b, normal: this.turned(parent, contact.axis).multiplyScalar(sign) };
     if (shape === "box") return this.onBox(contact, a, b);
+    if (shape === "curve") return this.onCurve(contact, b);
     const axis = contact.axis && this.turned(parent, contact.axis);
     if (shape === "plane") return { point: b.addScaledVector(axis, -radius), normal: axis };
     if (shape === "rim") {
@@ -130,5 +131,29 @@ export class Contacts {
     along.forEach((axis, i) => nearest.addScaledVector(axis, Math.min(Math.max(way.dot(axis), -half[i]), half[i])));
     const normal = b.clone().sub(nearest).normalize();
     return { point: nearest.addScaledVector(normal, radius), normal };
+  }
+
+  // The nearest point of a curve, in the axes of its body; a pin of some radius touches towards it.
+  onCurve({ parent, curve, axis, radius }, b) {
+    const way = b.clone().sub(this.model.pointOf(parent, [0, 0, 0]));
+    const from = (point) => new THREE.Vector3(...point);
+    const units = [from([1, 0, 0]), from([0, 1, 0]), from([0, 0, 1])];
+    const pin = from(units.map((unit) => way.dot(this.turned(parent, unit.toArray()))));
+    const up = from(axis);
+    pin.addScaledVector(up, -pin.clone().sub(from(curve[0])).dot(up));
+    let [least, nearest, along] = [Infinity, null, null];
+    for (let i = 1; i < curve.length; i++) {
+      const [start, span] = [from(curve[i - 1]), from(curve[i]).sub(from(curve[i - 1]))];
+      const part = pin.clone().sub(start).dot(span) / Math.max(span.lengthSq(), 1e-300);
+      const foot = start.addScaledVector(span, Math.min(Math.max(part, 0), 1));
+      const distance = foot.distanceTo(pin);
+      if (distance < least) [least, nearest, along] = [distance, foot, span];
+    }
+    // Of a point on the curve the direction is that across it, away from what is on its left.
+    const normal = radius > 0 ? pin.sub(nearest) : along.cross(up);
+    return {
+      point: this.model.pointOf(parent, nearest.toArray()),
+      normal: this.turned(parent, normal.normalize().toArray()),
+    };
   }
 }

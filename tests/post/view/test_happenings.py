@@ -98,3 +98,16 @@ def test_the_viewer_shows_contacts(open_page, folder, tmp_path, name):
     assert named <= {*legend.all_inner_texts()}
     page.get_by_role("button", name="Contacts").click()
     assert page.locator(".contact-legend:visible").count() == 0
+
+
+def test_a_curve_has_its_points(folder):
+    run = read_run(folder("cam_lift_off"))
+    (contact,) = happenings(run.model, run.events)["contacts"]
+    (cam,) = run.model.contacts
+    assert (contact["shape"], contact["radius"]) == ("curve", cam.radius)
+    points = np.array(contact["curve"])
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    reach = np.linalg.norm(points - middle, axis=1)
+    # A circle, of which the extreme points are among those that are drawn.
+    assert np.ptp(reach) < 1e-12
+    assert {STATES[state] for state in contact["states"]} == {"open", "closed"}
