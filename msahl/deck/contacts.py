@@ -176,23 +176,34 @@ def _pin_contact(
     reader: Reader,
 ) -> PinContact:
     """Return the contact of a pin and a curve in the plane of the parent's frame, whose z is the
-    ``axis`` and whose x is the ``reference``.
+    ``axis`` and whose x is the ``reference``; that of the child is the same by default.
     """
-    axes, reference, rotated = IDENTITY, IDENTITY[0], reader.context.rotated
-    if reader.is_known(ends.parent):
-        z = side_direction(element, "parent", "axis", reader)
-        x = side_direction(element, "parent", "reference", reader)
-        axis = IDENTITY[2] if z is None else rotated(z, INERTIAL, ends.parent)
-        across = None if x is None else rotated(x, INERTIAL, ends.parent)
-        if across is not None and sine(axis, across) < PARALLEL:
-            reader.faults.add(element, REFERENCE_PARALLEL)
-            across = None
-        axes = frame(axis, across)
+    axis = _parents_direction(element, "axis", ends, reader)
+    axes = frame(axis, _reference(element, "parent", ends.parent, axis, reader))
+    reference, rotated = IDENTITY[0], reader.context.rotated
     if reader.is_known(ends.parent) and reader.is_known(ends.child):
-        reference = rotated(axes[0], ends.parent, ends.child)
+        normal = rotated(axis, ends.parent, ends.child)
+        own = _reference(element, "child", ends.child, normal, reader)
+        reference = own or rotated(axes[0], ends.parent, ends.child)
     points = (ends.parent, ends.child, ends.parent_point, ends.child_point)
     name, curve = text(element.find("name")), read_curve(element, reader)
     return PinContact(name, *points, curve, radius, *law, *friction, axes, reference)
+
+
+def _reference(
+    element: Element, side: str, body: str, axis: Vector, reader: Reader
+) -> Vector | None:
+    """Return the ``reference`` of one end in the axes of its ``body``, if it has one that is not
+    along the ``axis``.
+    """
+    direction = side_direction(element, side, "reference", reader)
+    if direction is None:
+        return None
+    found = _own_direction(element, f"{side}/reference", direction, body, reader)
+    if sine(axis, found) < PARALLEL:
+        reader.faults.add(element, REFERENCE_PARALLEL)
+        return None
+    return found
 
 
 def _rim_axis(element: Element, ends: Ends, reader: Reader) -> Vector | None:

@@ -208,9 +208,11 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
 
 def _pin_contact(group: Element, contact: PinContact, context: Context) -> None:
     element = _named(group, "pinContact", contact.name)
-    parent, _ = _ends(element, contact, None)
+    parent, own = _ends(element, contact, None)
     vector(parent, "axis", contact.axes[2])
     vector(parent, "reference", contact.axes[0])
+    if contact.reference != context.rotated(contact.axes[0], contact.parent, contact.child):
+        vector(own, "reference", contact.reference)
     curve, given = child(element, "curve"), contact.curve
     if given.closed:
         curve.set("closed", "true")

@@ -187,11 +187,11 @@ def build(
             listen(work.progress(dict(jobs.values())))
             if not jobs:
                 return
+            if stopped():
+                raise KeyboardInterrupt
             try:
                 k, head, content = team.answers.get(timeout=WAIT)
             except queue.Empty:
-                if stopped():
-                    raise KeyboardInterrupt from None
                 continue
             if "error" in head:
                 raise CompileError(head["error"])

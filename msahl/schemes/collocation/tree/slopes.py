@@ -216,11 +216,24 @@ def are_used(slopes: LoadSlopes) -> bool:
     return bool(slopes.used[0] > 0.0)
 
 
-@optional()
-def set_factors(slopes: LoadSlopes, tree: Tree, motion: TreeMotion, h: float) -> None:
-    """Set the factors of the systems of a step ``h``, after C and K."""
+STIFFEST = 1e4
+"""Largest change by a load's slope in a step, h C + h^2 K, over the inertia. Loads are functions of
+places, which are known to round-off: what that makes of a step's velocities is as much larger."""
+
+
+@optional(True)
+def set_factors(slopes: LoadSlopes, tree: Tree, motion: TreeMotion, h: float) -> bool:
+    """Set the factors of the systems of a step ``h``, after C and K; return whether round-off of
+    the loads is small in it.
+    """
     mass_matrix.set_matrix(tree, motion)
+    for k in range(tree.body.size):
+        change = h * abs(slopes.by_rate[k, k]) + h * h * abs(slopes.by_place[k, k])
+        # Written so that a nan counts.
+        if not change <= STIFFEST * motion.mass[tree.row[k], 0]:
+            return False
     _factor(slopes, tree, motion, h)
+    return True
 
 
 @unit

@@ -179,8 +179,8 @@ def iterate(
             set_loads(tree, workspace, stages, h)
             if not states_exist(workspace.system.forces.signals, stages.signals):
                 return math.inf
-        if before > FAR and iteration <= MOST_RENEWALS:
-            set_factors(tree, stages, h)
+        if before > FAR and iteration <= MOST_RENEWALS and not set_factors(tree, stages, h):
+            return math.inf
         recursion.set_momenta(tree.tree, motion)
         residual = correct(tree, stages.tableau.force_weight, h)
         workspace.counts[0] += 1
@@ -200,15 +200,19 @@ def iterate(
 
 
 @unit
-def set_factors(tree: TreeStages, stages: StageArrays, h: float) -> None:
-    """Set the factors of the matrices that make corrections of residuals."""
+def set_factors(tree: TreeStages, stages: StageArrays, h: float) -> bool:
+    """Set the factors of the matrices that make corrections of residuals; return whether loads
+    allow it.
+    """
     motion = tree.motion
     if slopes.are_used(tree.slopes):
         set_slopes(tree.slopes, tree, stages)
-        slopes.set_factors(tree.slopes, tree.tree, motion, h)
+        if not slopes.set_factors(tree.slopes, tree.tree, motion, h):
+            return False
     else:
         mass_matrix.set_factors(tree.tree, motion)
     loop_matrix.set_factors(tree.loops, tree.slopes, tree.tree, motion)
+    return True
 
 
 @kernel
