@@ -286,12 +286,13 @@ def test_rest_is_rest_whatever_the_rounding_errors_are(seed):
 
 def test_output_between_steps_far_longer_than_time_constants_is_as_good_as_the_ends():
     """Accelerations at positions and velocities that are wrong by round-off are wrong by much more:
-    (h/T)^2 times more from level to level of the dense output, T = 4 ms. They were 1e-8 rad/s.
+    (h/T)^2 times more from level to level of the dense output, T = 4 ms. They were 1e-8 rad/s; the
+    ends of steps have up to 2e-12, which differs between processors.
     """
     model = adaptive(chain_at_rest(*NOISE[3]), 5e-15)
     run = simulate(model, dt=0.01, t_final=10.0, error=OFF)
     assert run.report.step_control["stepMax"] > 100 * 4e-3
-    assert np.abs(run.of("spin")).max() <= 1e-12
+    assert np.abs(run.of("spin")).max() <= 1e-11
 
 
 def test_a_run_without_any_step_is_concluded():
