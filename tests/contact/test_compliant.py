@@ -76,8 +76,8 @@ SCHEMES = [("gauss3", 1000, None), ("auto", 20, 1e-10), ("preserving", 1000, Non
 
 @pytest.mark.parametrize(("scheme", "steps", "tolerance"), SCHEMES)
 def test_hertz_impact_lasts_and_presses_as_in_the_closed_form(scheme, steps, tolerance):
-    """Half of the duration is an output time, and so is a time after it, up to which a speed that is
-    as wrong as the tolerance allows moves the ball by that.
+    """Half of the duration is an output time, and so is a time after it, up to which a speed that
+    is as wrong as the tolerance allows moves the ball by that.
     """
     model, after = ball(HERTZ), 0.5 * DURATION
     report, sink, _ = run_events(model, scheme, DURATION / steps, 1.5 * DURATION, tolerance)

@@ -83,8 +83,10 @@ def happenings(
 
 def loads_of_contacts(sample: Sample) -> Loads:
     """Return the times and loads of the compliant contacts, by name of the side."""
-    columns, values = sample.tables[REACTIONS]
     names = [side.name for side in sample.model.compliant_sides]
+    if not names:
+        return {}
+    columns, values = sample.tables[REACTIONS]
     places = {name: columns.index(f"{name}.load") for name in names if f"{name}.load" in columns}
     return {name: (values[:, 0], values[:, place]) for name, place in places.items()}
 

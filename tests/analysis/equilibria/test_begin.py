@@ -107,6 +107,7 @@ def test_a_run_from_an_equilibrium_stays(path):
     trees = [tree for signal in start.model.signals if (tree := tree_of(signal))]
     trees += [tree for load in start.model.loads if (tree := getattr(load, "expression", None))]
     changing = any(laws) or start.model.motions or TIME in reached(trees, {})
+    changing = changing or any(event.states or event.impulses for event in start.model.events)
     if len(start.model.bodies) > LARGEST or changing:
         pytest.skip("more bodies, or laws of time")
     solution = find(start, REST)

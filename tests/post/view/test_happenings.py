@@ -100,6 +100,10 @@ def test_the_viewer_shows_contacts(open_page, folder, tmp_path, name):
     assert page.locator(".contact-legend:visible").count() == 0
 
 
+def test_a_model_without_reactions_and_contacts_has_a_report(folder):
+    assert show_run(folder("torque_free")).happenings is None
+
+
 def test_a_curve_has_its_points(folder):
     run = read_run(folder("cam_lift_off"))
     (contact,) = happenings(run.model, run.events)["contacts"]
