@@ -30,8 +30,10 @@ EXACT = 1e-12
 """Residual, relative to the largest term, of a solution."""
 NEAR = 1e-4
 """Change in a round of the contacts, relative to the largest, from which Newton's method begins."""
-ROUNDS, NEWTON = 100, 30
-"""Rounds of the contacts, and steps of Newton's method, before another start is tried."""
+ROUNDS, NEWTON, STALLED = 20, 30, 8
+"""Rounds of the contacts, steps of Newton's method, and steps of it that come no nearer, before
+another start is tried.
+"""
 LARGEST, SOLVED = 1e10, 1e-10
 """Size of a solution, and its residual, from which on a matrix counts as singular."""
 FEW = 4
@@ -72,10 +74,14 @@ def solve(W: np.ndarray, q: np.ndarray, cones: Cones) -> np.ndarray:
     size = _sizes(W, cones)
     scaled, right = W / np.outer(size, size), q / size
     given = cones._replace(least=cones.least * size[cones.normal])
+    # Where all can stick in many ways this is the least of them, whatever round-off is.
+    z = _start_of(scaled, right, given, (1,) * cones.normal.size)
+    if _newton(scaled, right, given, z, steps=1) is not None:
+        return z / size
     for start in _starts(scaled, right, given):
-        z = _newton(scaled, right, given, start)
-        if z is not None:
-            return z / size
+        found = _newton(scaled, right, given, start)
+        if found is not None:
+            return found / size
     raise NoSolution
 
 
@@ -106,56 +112,66 @@ def _residual(
     W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the equations (m,) at ``z``, and their derivative (m, m)."""
-    w, F, J = W @ z + q, np.zeros(z.size), np.zeros((z.size, z.size))
-    for n, t, mu, least, d in zip(*cones, strict=True):
-        if z[n] - least - w[n] > 0.0:
-            F[n], J[n] = w[n], W[n]
-        else:
-            F[n], J[n, n] = z[n] - least, 1.0
-        if t[0] < 0:
-            continue
-        radius = mu * max(z[n], 0.0)
-        by_n = mu if z[n] > 0.0 else 0.0
-        if not math.isnan(d[0]):
-            F[t], J[t, t] = z[t] + radius * d, 1.0
-            J[t, n] += by_n * d
-            continue
-        r = 1.0 / max(0.5 * float(W[t[0], t[0]] + W[t[1], t[1]]), 1e-300)
-        y = z[t] - r * w[t]
-        length = math.hypot(*y)
-        if length <= radius and radius > 0.0:
-            F[t], J[t] = r * w[t], r * W[t]
-            continue
-        F[t], J[t, t] = z[t], 1.0
-        if radius > 0.0:
-            e = y / length
-            F[t] -= radius * e
-            J[t, n] -= by_n * e
-            rotated = radius / length * (np.eye(2) - np.outer(e, e))
-            by_z = -r * W[t]
-            by_z[[0, 1], t] += 1.0
-            J[t] -= rotated @ by_z
+    w, F, J = W @ z + q, z.copy(), np.eye(z.size)
+    closed = z[cones.normal] - cones.least - w[cones.normal] > 0.0
+    n = cones.normal[closed]
+    F[cones.normal] -= cones.least
+    F[n], J[n] = w[n], W[n]
+    rubs = cones.tangent[:, 0] >= 0
+    if rubs.any():
+        _add_friction(W, w, z, Cones(*(of[rubs] for of in cones)), F, J)
     return F, J
 
 
-def _newton(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.ndarray | None:
-    """Return the solution that Newton's method finds from ``z``, or None."""
-    best: tuple[float, np.ndarray] | None = None
-    for _ in range(NEWTON):
+def _add_friction(
+    W: np.ndarray, w: np.ndarray, z: np.ndarray, cones: Cones, F: np.ndarray, J: np.ndarray
+) -> None:
+    """Put the equations of the tangential parts, all of contacts with friction, into ``F``, which
+    is z there, and their derivative into ``J``, which is the identity.
+    """
+    n, t, mu = cones.normal, cones.tangent, cones.friction
+    radius = mu * np.maximum(z[n], 0.0)
+    r = 1.0 / np.maximum(0.5 * (W[t[:, 0], t[:, 0]] + W[t[:, 1], t[:, 1]]), 1e-300)
+    y = z[t] - r[:, None] * w[t]
+    length = np.hypot(y[:, 0], y[:, 1])
+    given = ~np.isnan(cones.toward[:, 0])
+    sticks = ~given & (length <= radius) & (radius > 0.0)
+    free = ~given & (length > radius) & (radius > 0.0)
+    e = np.where(given[:, None], -cones.toward, y / np.where(length > 0.0, length, 1.0)[:, None])
+    slides = given | free
+    F[t[slides]] -= radius[slides, None] * e[slides]
+    J[t[slides], n[slides, None]] -= (mu * (z[n] > 0.0))[slides, None] * e[slides]
+    own = t[sticks]
+    F[own], J[own] = r[sticks, None] * w[own], r[sticks, None, None] * W[own]
+    own, e = t[free], e[free]
+    rotated = np.eye(2) - e[:, :, None] * e[:, None, :]
+    by_z = -r[free, None, None] * W[own]
+    by_z[np.arange(len(own))[:, None], [0, 1], own] += 1.0
+    J[own] -= (radius[free] / length[free])[:, None, None] * (rotated @ by_z)
+
+
+def _newton(
+    W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray, steps: int = NEWTON
+) -> np.ndarray | None:
+    """Return the solution that Newton's method finds from ``z``, or None; by one step only ``z``
+    itself.
+    """
+    best: tuple[float, int, np.ndarray] | None = None
+    for step in range(steps):
         F, J = _residual(W, q, cones, z)
         size = max(float(np.abs(q).max()), float(np.abs(W * z).max()), 1e-300)
         left = float(np.abs(F).max()) / size
         if not math.isfinite(left):
             return None
         if best is None or left < best[0]:
-            best = left, z
-        elif left <= EXACT:
+            best = left, step, z
+        elif best[0] <= EXACT or step - best[1] > STALLED:
             break
         if left == 0.0:
             break
         z = z - _solved(J, F)
     assert best is not None
-    return best[1] if best[0] <= EXACT else None
+    return best[2] if best[0] <= EXACT else None
 
 
 def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -170,18 +186,20 @@ def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _starts(W: np.ndarray, q: np.ndarray, cones: Cones) -> Iterator[np.ndarray]:
-    """Yield values from which Newton's method begins."""
+    """Yield values from which Newton's method begins, those that lead somewhere more often first.
+
+    None of them does always: a problem that one misses is solved by the next.
+    """
     z = np.zeros(q.size)
     z[cones.normal] = cones.least
     yield z
     near = _project(W, q, cones, z.copy())
     yield near
+    yield from _softened(W, q, cones, z)
+    yield from _raised(W, q, cones, z)
     if cones.normal.size <= FEW:
         for states in itertools.product(range(3), repeat=cones.normal.size):
             yield _start_of(W, q, cones, states)
-    # None of these ways leads to a solution always; what one misses is solved by the next.
-    yield from _softened(W, q, cones, z)
-    yield from _raised(W, q, cones, z)
     scatter, size = np.random.default_rng(0), float(np.abs(near).max()) or 1.0
     for _ in range(SCATTERED):
         yield near + size * scatter.normal(size=q.size)
