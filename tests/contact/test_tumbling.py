@@ -60,7 +60,7 @@ def test_a_box_tumbles_and_comes_to_rest_on_a_face(tmp_path, scheme):
 
 
 @pytest.mark.xfail(
-    strict=False, reason="a defect: with the round-off of some processors no step meets its tolerance"
+    strict=False, reason="a defect: with the round-off of some processors no step is good enough"
 )
 def test_slips_of_a_face_that_lands_end_at_once(tmp_path):
     """By steps of a tolerance it lands with slips of 3e-7 m/s at four corners, whose ways of 1e-14
