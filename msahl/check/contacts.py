@@ -95,7 +95,7 @@ def _box_findings(contact: BoxContact) -> Iterator[Finding]:
 
 
 def _pin_findings(contact: PinContact) -> Iterator[Finding]:
-    """Find curves that are none, and those that the pin touches at two places at once."""
+    """Find points that make no curve, and places where the pin touches a curve twice."""
     yield from negative("radius", contact.radius)
     try:
         segments = segments_of(contact.curve)

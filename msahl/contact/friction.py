@@ -76,7 +76,7 @@ def solve(W: np.ndarray, q: np.ndarray, cones: Cones) -> np.ndarray:
     given = cones._replace(least=cones.least * size[cones.normal])
     # Where all can stick in many ways this is the least of them, whatever round-off is.
     z = _start_of(scaled, right, given, (1,) * cones.normal.size)
-    if _newton(scaled, right, given, z, steps=1) is not None:
+    if _left(scaled, right, z, _residual(scaled, right, given, z)[0]) <= EXACT:
         return z / size
     for start in _starts(scaled, right, given):
         found = _newton(scaled, right, given, start)
@@ -150,17 +150,18 @@ def _add_friction(
     J[own] -= (radius[free] / length[free])[:, None, None] * (rotated @ by_z)
 
 
-def _newton(
-    W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray, steps: int = NEWTON
-) -> np.ndarray | None:
-    """Return the solution that Newton's method finds from ``z``, or None; by one step only ``z``
-    itself.
-    """
+def _left(W: np.ndarray, q: np.ndarray, z: np.ndarray, F: np.ndarray) -> float:
+    """Return the residual ``F`` (m,) at ``z`` relative to the largest term."""
+    size = max(float(np.abs(q).max()), float(np.abs(W * z).max()), 1e-300)
+    return float(np.abs(F).max()) / size
+
+
+def _newton(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> np.ndarray | None:
+    """Return the solution that Newton's method finds from ``z``, or None."""
     best: tuple[float, int, np.ndarray] | None = None
-    for step in range(steps):
+    for step in range(NEWTON):
         F, J = _residual(W, q, cones, z)
-        size = max(float(np.abs(q).max()), float(np.abs(W * z).max()), 1e-300)
-        left = float(np.abs(F).max()) / size
+        left = _left(W, q, z, F)
         if not math.isfinite(left):
             return None
         if best is None or left < best[0]:

@@ -56,7 +56,8 @@ class Actions:
         self.number = {signal.name: n for n, signal in enumerate(model.states)}
         sets = any(event.parameters for event in model.events)
         self.parameters = LawParameters(model, system) if sets else None
-        self.impulses = Impulses(model, system, state, work_arrays)
+        pushes = any(event.impulses for event in model.events)
+        self.impulses = Impulses(model, system, state, work_arrays) if pushes else None
 
     def values(self, k: int, unknowns: Unknowns) -> list[float]:
         """Return the values that event ``k`` needs in the present state, whose ``unknowns`` are
@@ -87,6 +88,7 @@ class Actions:
             work = energy(self.system, self.state, self.work_arrays) - before
             yield Done(SETS, f"{parameter.load}.{parameter.parameter}", work=work)
         for impulse, value in zip(event.impulses, values[len(event.states) :], strict=True):
+            assert self.impulses is not None
             given = self.impulses.give(impulse, value, unknowns)
             if given is None:
                 raise NoVelocity(impulse.element)

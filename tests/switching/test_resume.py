@@ -38,7 +38,7 @@ def falling():
 
 
 def ticking():
-    """A damped oscillator that is pushed and counted, and whose stiffness changes to and fro."""
+    """A damped oscillator that is pushed and counted, and whose stiffness changes periodically."""
     soft, hard = ((ParameterChange("Spring", "stiffness", k),) for k in (100.0, 150.0))
     events = (
         event(
