@@ -96,3 +96,8 @@ def wait_until(page: Any, expression: str) -> Any:
         assert time.monotonic() < end, f"{expression} did not become true"
         page.wait_for_timeout(20)
     return value
+
+
+def next_picture(page: Any) -> None:
+    """Wait until what is known now has been drawn: the frame under way and the next one."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")

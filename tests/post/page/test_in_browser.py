@@ -91,10 +91,9 @@ def test_every_graph_is_drawn_those_in_folds_when_they_are_opened(open_page, rep
     wait_until(
         page, "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('canvas'))"
     )
-    page.wait_for_timeout(100)
-    everything = page.evaluate(DRAWN)
+    # Different colours of pixels: axes, grid, a curve.
+    everything = wait_until(page, f"((drawn) => Math.min(...drawn) > 10 && drawn)(({DRAWN})())")
     assert len(everything) > len(shown)
-    assert min(everything) > 10  # different colours of pixels: axes, grid, a curve
 
 
 def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):
@@ -104,9 +103,8 @@ def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):
     button = group.locator("button", has_text="kinetic")
     before = page.evaluate(DRAWN)
     button.click()
-    page.wait_for_timeout(100)
+    wait_until(page, f"JSON.stringify(({DRAWN})()) !== JSON.stringify({before})")
     assert button.get_attribute("aria-pressed") == "false"
-    assert page.evaluate(DRAWN) != before
     group.locator(".u-over").first.hover()
     text = group.locator(".readout").first.inner_text()
     assert "potential" in text

@@ -13,7 +13,7 @@ from msahl.deck import read_deck
 from msahl.post.show.deck_page import FAULTY, show_deck
 from msahl.post.show.lines import element_lines, files_of
 from tests.post.web.test_web import PAYLOADS
-from tests.support.browser import wait_until
+from tests.support.browser import next_picture, wait_until
 from tests.support.models import DECKS, ROOT
 
 ENGINE = ROOT / "decks" / "machines" / "engine.xml"
@@ -237,6 +237,7 @@ def test_a_selected_element_is_marked_in_text_list_and_view(opened):
     assert page.evaluate(CHOSEN) == lines
     assert page.locator(".line.chosen").first.is_visible()  # it was scrolled to
     page.wait_for_selector(chosen_row("Rod"))
+    next_picture(page)
     assert page.locator(".view3d").screenshot() != before
     # From the text: the list follows.
     pin = next(e for e in data["elements"] if e["name"] == "Piston pin")

@@ -97,7 +97,7 @@ def test_the_viewer_shows_contacts(open_page, folder, tmp_path, name):
     named = {"box_on_slope": {"open", "slides", "sticks"}, "clock": set()}.get(name, {"open"})
     assert named <= {*legend.all_inner_texts()}
     page.get_by_role("button", name="Contacts").click()
-    assert page.locator(".contact-legend:visible").count() == 0
+    page.wait_for_selector(".contact-legend", state="hidden")  # with the next frame
 
 
 def test_a_model_without_reactions_and_contacts_has_a_report(folder):

@@ -11,7 +11,7 @@ from msahl.cli.main import main as msahl
 from msahl.post.view import viewer_page
 from msahl.post.view.modes import show_modes
 from tests.analysis.modes.test_modes import free_bodies_at_rest, hanging
-from tests.support.browser import wait_until
+from tests.support.browser import next_picture, wait_until
 from tests.support.models import ROOT
 
 BICYCLE = ROOT / "decks/mechanisms/bicycle.xml"
@@ -39,7 +39,7 @@ def test_poses_are_those_of_the_shape_in_its_phase(open_page, tmp_path):
     page.evaluate("const s = document.querySelector('.scrub'); s.value = 0.25; "
                   "s.dispatchEvent(new Event('input'));")  # fmt: skip
     wait_until(page, "Math.abs(window.msahl.time - 0.25) < 1e-9")
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    next_picture(page)
     # An eighth of a period, with the square of half the slider of half the scene's size.
     amplitude = 0.5 * shown.scene["size"] * 0.25
     moved = amplitude * (found.shape[1] * np.exp(0.25j * np.pi)).real
@@ -51,8 +51,8 @@ def test_poses_are_those_of_the_shape_in_its_phase(open_page, tmp_path):
         expected = np.array(matrix(from_axis_angle(tuple((part[3:] / angle).tolist()), angle)))
         assert np.abs(rotation_of(pose[3:]) - expected).max() <= 3e-6
     assert page.locator("select.mode option").count() == 3
-    assert f"{found.frequency[1]:.9g} Hz" in page.locator(".mode-facts").inner_text()
-    assert "45° of a period" in page.locator(".clock").inner_text()
+    page.locator(".mode-facts", has_text=f"{found.frequency[1]:.9g} Hz").wait_for()
+    page.locator(".clock", has_text="45° of a period").wait_for()
 
 
 def test_the_motion_plays_and_its_paths_follow_the_mode(open_page, tmp_path):
@@ -65,13 +65,13 @@ def test_the_motion_plays_and_its_paths_follow_the_mode(open_page, tmp_path):
     page.wait_for_selector("[data-state=ready]")
     assert page.evaluate("window.msahl.isPlaying")
     # The page opens on the weave, not on the capsize mode, which is slower.
-    assert "damping ratio" in page.locator(".mode-facts").inner_text()
+    page.locator(".mode-facts", has_text="damping ratio").wait_for()
     before = page.evaluate("window.msahl.time")
     wait_until(page, f"window.msahl.time !== {before!r}")
     page.keyboard.press("t")
     page.locator("select.mode").select_option("2")
     wait_until(page, "window.msahl.mode === 2")
-    assert "decays without oscillation" in page.locator(".mode-facts").inner_text()
+    page.locator(".mode-facts", has_text="decays without oscillation").wait_for()
     # Three modes beside those that are zero.
     assert page.locator("select.mode option").count() == 3
 

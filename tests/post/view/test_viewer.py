@@ -18,16 +18,11 @@ from msahl.post.view.viewer import first_columns
 from msahl.results.read import read_run
 from tests.post.web.test_web import PAYLOADS
 from tests.support import run_folders
-from tests.support.browser import Opener, wait_until
+from tests.support.browser import Opener, next_picture, wait_until
 
 ROOT = Path(__file__).parents[3]
 SCRUB = "t => { const s = document.querySelector('.scrub'); s.value = t;"
 SCRUB += " s.dispatchEvent(new Event('input')); }"
-
-
-def next_picture(page) -> None:
-    """Wait for the picture in which the buttons show what they have done."""
-    wait_until(page, "new Promise((done) => requestAnimationFrame(() => done(true)))")
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +90,7 @@ def pixels(page: Any) -> np.ndarray:
 def scrub(page: Any, time: float) -> None:
     page.evaluate(SCRUB, time)
     wait_until(page, f"Math.abs(window.msahl.time - {time!r}) < 1e-9")
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    next_picture(page)
 
 
 def test_scrubbing_lands_on_the_poses_of_the_table(view, chain) -> None:
@@ -237,7 +232,7 @@ def test_the_graph_has_a_cursor_that_moves_the_time(view, pendulum) -> None:
     value = "Number(document.querySelector('.graph-values b').textContent)"
     wait_until(page, f"Math.abs({value} - {x}) < 1e-3")
     page.locator(".graph-head select").select_option("Bob.vx")
-    assert page.locator(".graph-values button").count() == 3
+    wait_until(page, "document.querySelectorAll('.graph-values button').length === 3")
 
 
 def test_two_runs_are_overlaid(view, pendulum, tmp_path) -> None:
@@ -260,7 +255,7 @@ def test_light_and_dark(view, pendulum, theme) -> None:
     bright = pixels(page)[5:15].mean()
     assert bright > 0.8 if theme == "light" else bright < 0.3
     page.locator("button.theme").click()
-    page.wait_for_timeout(100)
+    next_picture(page)
     assert (pixels(page)[5:15].mean() > 0.8) == (theme == "dark")
 
 
