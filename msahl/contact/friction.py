@@ -9,11 +9,13 @@ direction d of z_t = -mu z_n d is given. The equations
 
     z_n = max(least, z_n - r w_n),    z_t = the nearest to z_t - r w_t in the disk of radius mu z_n
 
-are solved by Newton's method on their pieces, from where the problems of one contact after the
-other (``cone``) have led, and for a few contacts also from each choice of open, sticking and
-sliding ones. A solution is one only if it satisfies them to round-off. Source: P. Alart, A.
-Curnier, A mixed formulation for frictional contact problems prone to Newton like solution methods,
-Comput. Methods Appl. Mech. Engrg. 92 (1991).
+are solved by Newton's method on their pieces. It begins where all stick with the least forces, then
+at zero, then where the problems of one contact after the other (``cone``) lead; what is left is
+approached from matrices that are softened less and less, by friction raised from none, from each
+choice of open, sticking and sliding contacts if they are few, and from scattered values. A solution
+is one only if it satisfies the equations to round-off. Source: P. Alart, A. Curnier, A mixed
+formulation for frictional contact problems prone to Newton like solution methods, Comput. Methods
+Appl. Mech. Engrg. 92 (1991).
 """
 
 import itertools
@@ -38,9 +40,9 @@ LARGEST, SOLVED = 1e10, 1e-10
 """Size of a solution, and its residual, from which on a matrix counts as singular."""
 FEW = 4
 """Contacts of which every choice of states is tried."""
-SOFTEST, SOFTENINGS = 10.0, 44
-"""Part of the identity, over the mean of the diagonal, that makes the problem easy, and how often
-it is halved, down to round-off.
+SOFTEST, SOFTENINGS, SOFT = 10.0, 44, 0.05
+"""Part of the identity, over the mean of the diagonal, that makes the problem easy; how often it is
+halved, down to round-off; and the part below which a solution leads to that without it.
 """
 LEAST_RAISE = 1.0 / 512.0
 """Least step of the share of the friction."""
@@ -213,7 +215,7 @@ def _softened(W: np.ndarray, q: np.ndarray, cones: Cones, z: np.ndarray) -> Iter
         solution = _newton(W + part * own, q, cones, z)
         if solution is not None:
             z = solution
-            if part < 0.05:
+            if part < SOFT:
                 yield z
 
 

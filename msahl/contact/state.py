@@ -23,6 +23,10 @@ LIFTED = 0.5
 """Overlap, over the round-off of the gap, that is removed at an event."""
 STILL = 1e-12
 """Rate of a gap or slip, over the largest speed so far, that is zero but for round-off."""
+UNDIRECTED = 1e-10
+"""Slip, over the largest speed so far, whose direction is that of before: the noise of velocities
+within a step, over a smaller one, would not let the iteration settle. The way of such a slip is its
+square over twice its acceleration, 1e-20 m."""
 UNSEEN = 4.0
 """Height of rebounds or way of a slip, over the round-off of the gap, that is too small to be
 resolved."""
@@ -231,7 +235,7 @@ class ContactState:
             signed = self.contacts.sign * self.contacts.friction
             group.friction[own[slides]] = signed[which[slides]]
             group.toward[own[slides]] = after.toward[slides]
-            group.still[:] = STILL * self.fastest
+            group.still[:] = UNDIRECTED * self.fastest
             if sticks.any():
                 self.remove_violation(int(which[0]), self.unknowns, None)
         for row in (self.contacts.row, *(() if group is None else (group.tangent.reshape(-1),))):

@@ -35,6 +35,7 @@ def read_event(element: Element, reader: Reader) -> Event:
     given = attribute(element, "when")
     inside = inside_braces(given)
     condition = given if inside is None else inside.strip()
+    changes = list(_changes(element, reader))
     event = Event(
         name=attribute(element, "name"),
         condition=condition,
@@ -43,8 +44,8 @@ def read_event(element: Element, reader: Reader) -> Event:
         engages=_texts(element, "engage"),
         message=" ".join(_texts(element, "message")),
         repeats=attribute(element, "repeats") == "true",
-        states=tuple(_states(element, reader)),
-        parameters=tuple(_parameters(element, reader)),
+        states=tuple(change for change in changes if isinstance(change, StateChange)),
+        parameters=tuple(change for change in changes if isinstance(change, ParameterChange)),
         impulses=tuple(_read_impulse(e, reader) for e in element.iterfind("impulse")),
     )
     reader.add(element, event_findings(event, reader.context))
@@ -62,32 +63,22 @@ def _texts(element: Element, tag: str) -> tuple[str, ...]:
     return tuple(text(part) for part in element.iterfind(tag))
 
 
-def _states(element: Element, reader: Reader) -> Iterator[StateChange]:
-    """Yield what sets auxiliary states, and what sets nothing that there is: a fault."""
+def _changes(element: Element, reader: Reader) -> Iterator[StateChange | ParameterChange]:
+    """Yield what sets auxiliary states and numbers of loads; what sets nothing there is, is a
+    fault.
+    """
     context = reader.context
     for part in element.iterfind("set"):
         name = attribute(part, "name")
+        load, parameter = element_and_value(name)
         if name in context.states:
             wanted = reader.signal_dimensions.get(name)
             yield StateChange(name, read_measured(part, wanted, reader))
-        elif not _is_parameter(name, reader):
+        elif load in context.loads and parameter in settable(context.loads[load]):
+            quantity = settable(context.loads[load])[parameter]
+            yield ParameterChange(load, parameter, _number(part, quantity, reader))
+        else:
             reader.add(element, state_findings(name, context))
-
-
-def _is_parameter(name: str, reader: Reader) -> bool:
-    load, parameter = element_and_value(name)
-    return load in reader.context.loads and parameter in settable(reader.context.loads[load])
-
-
-def _parameters(element: Element, reader: Reader) -> Iterator[ParameterChange]:
-    """Yield what sets numbers of loads."""
-    for part in element.iterfind("set"):
-        name = attribute(part, "name")
-        if name in reader.context.states or not _is_parameter(name, reader):
-            continue
-        load, parameter = element_and_value(name)
-        quantity = settable(reader.context.loads[load])[parameter]
-        yield ParameterChange(load, parameter, _number(part, quantity, reader))
 
 
 def _number(part: Element, quantity: str, reader: Reader) -> float:

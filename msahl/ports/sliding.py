@@ -15,7 +15,7 @@ a trial
 
     d = (|s . d0| d0 + s - (s . d0) d0)/|s|         d0 the direction at the start of the step
 
-goes on along the same line, where s/|s| jumps. Where |s| is round-off, d is d0.
+goes on along the same line, where s/|s| jumps. Where |s| is too small to have one, d is d0.
 """
 
 import math
@@ -48,13 +48,13 @@ class Sliding(NamedTuple):
     friction: np.ndarray  # (k,) mu while it slides, else 0; times the sign of N
     grip: np.ndarray  # (k,) coefficient of static friction, times the sign of N
     toward: np.ndarray  # (k, 2) d0
-    still: np.ndarray  # (k,) slip that is round-off [m/s]
+    still: np.ndarray  # (k,) slip that is too small to have a direction [m/s]
     column: np.ndarray  # (k,) of the table of work
 
 
 @kernel
 def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, float, float]:
-    """Return d of contact ``k`` at the slip ``s``, and |s|, which is 0 where it is round-off."""
+    """Return d of contact ``k`` at the slip ``s``, and |s|, which is 0 where it is too small."""
     t_1, t_2, speed = group.toward[k, 0], group.toward[k, 1], math.sqrt(s_1 * s_1 + s_2 * s_2)
     if speed <= group.still[k]:
         return t_1, t_2, 0.0
