@@ -10,6 +10,7 @@ import msahl
 from msahl.cli.main import main
 from msahl.post.events import crossings
 from msahl.results.read import read_run
+from tests.contact.woodpecker import strikes
 from tests.support.models import ROOT
 
 G = 9.81
@@ -122,3 +123,16 @@ def test_a_pin_lies_against_its_hole_as_a_link_does(tmp_path):
     assert np.abs(run.states["Slider.x"].to_numpy() - ideal).max() < 0.002 * 1.1
     impacts = run.events[run.events.kind == "impact"]
     assert impacts.gapSpeedAfter.iloc[0] == pytest.approx(-0.3 * impacts.gapSpeedBefore.iloc[0])
+
+
+@pytest.mark.slow
+def test_a_woodpecker_comes_down_its_pole(tmp_path):
+    run = run_deck(tmp_path, deck_path("woodpecker"))
+    impacts = run.events[run.events.kind == "impact"]
+    beak = impacts.time[impacts.element == "Beak"].to_numpy()
+    assert beak[0] == pytest.approx(0.0826940, abs=5e-8)
+    # The digits of the deck.
+    assert np.diff(beak[4:]) == pytest.approx(0.1307475, abs=1e-7)
+    other = strikes(1e-4, 0.5)
+    # Of first order, with 1,300 steps in a period.
+    assert other == pytest.approx(beak[: other.size], abs=2e-3)
