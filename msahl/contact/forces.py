@@ -71,6 +71,11 @@ def _with_friction(
         for k in map(int, np.flatnonzero(still)):
             if k == cause.slips or _grip_left(contacts, response, k) <= USED:
                 broken[k], toward[k] = True, _impending(contacts, response, k)
+        # One that has used up its grip before and does not move is held by others that are left
+        # with a part of theirs: it does not stick again.
+        held = still & cause.slid & ~broken
+        broken |= held
+        toward[held] = _directions(contacts, response)[held]
     while True:
         cones = contacts.cones(response, still & ~broken, grips=True)
         assert cones is not None
@@ -82,6 +87,10 @@ def _with_friction(
         a = b + response.W @ force
         moves = np.hypot(*np.where(rough[:, None], a[t], 0.0).T)
         size = float(np.abs(response.W * force).max(initial=0.0)) + float(np.abs(b).max())
+        back = still & broken & (np.einsum("ki,ki->k", a[t], toward) < -SLIPS * size)
+        if back.any() and cause.slips >= 0 and not back[cause.slips]:
+            broken[back], toward[back] = False, math.nan
+            continue
         slips = sticks & (moves > SLIPS * size) & ((1.0 - SLIPS) * radius <= T)
         broken |= slips
         grips = cones.friction > contacts.contacts.friction[response.which]
@@ -98,6 +107,13 @@ def _held_by(contacts: ContactState, response: Response, k: int) -> tuple[np.nda
     own = contacts.contacts.sliding[response.which[k]]
     N, *T = contacts.state.reaction[group.reaction[own], :3]
     return np.array(T), float(group.grip[own] * N)
+
+
+def _directions(contacts: ContactState, response: Response) -> np.ndarray:
+    """Return where the contacts (k, 2) with friction slide, as far as they do."""
+    group = contacts.system.forces.sliding
+    assert group is not None
+    return group.toward[contacts.contacts.sliding[response.which]]
 
 
 def _grip_left(contacts: ContactState, response: Response, k: int) -> float:

@@ -148,7 +148,8 @@ class ContactModes:
             return Cause(opens=place) if was[event] else Cause()
         own = event - was.size
         place = int(np.flatnonzero(self.held.contacts.sliding[which] == own)[0])
-        return Cause(slips=place) if self.held.sticks[own] else Cause(ends=place)
+        slid = self.held.slides[which]
+        return Cause(slips=place, slid=slid) if self.held.sticks[own] else Cause(ends=place)
 
     def begins_to_slip(self, event: int) -> bool:
         """Whether the contact of an ``event`` has begun to slip now, so that its slip, which is

@@ -59,6 +59,7 @@ class Cause(NamedTuple):
     opens: int = -1  # its force has become zero
     slips: int = -1  # its grip is used up
     ends: int = -1  # its slip has become zero
+    slid: np.ndarray | bool = False  # (k,) which of the contacts slid up to then
 
 
 class ContactState:
@@ -93,6 +94,15 @@ class ContactState:
     def sticks(self) -> np.ndarray:
         """(f,) which contacts with friction stick."""
         return sticking(self.system)
+
+    @property
+    def slides(self) -> np.ndarray:
+        """(c,) which contacts are closed and slide."""
+        group, own = self.system.forces.sliding, self.contacts.sliding
+        if group is None:
+            return np.zeros(own.size, dtype=bool)
+        slides: np.ndarray = (group.friction != 0.0) & ~self.sticks
+        return self.closed & (own >= 0) & slides[own]
 
     @property
     def unknowns(self) -> Unknowns:
