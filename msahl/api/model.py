@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
     from msahl.analysis.state_space.model import LinearModel
+    from msahl.api.co_simulation import CoSimulation
     from msahl.api.derivatives import Gradients
     from msahl.api.equilibria import Equilibrium
     from msahl.api.inverse import InverseResult
@@ -165,6 +166,16 @@ class Model:
         require(columns=(columns, Mapped()))
         wanted = Wanted(motion, loads, weights, smooth, companion, columns)
         return loads_of(self.job(), wanted)
+
+    def co_simulation(self, **options: Unpack[RunOptions]) -> "CoSimulation":
+        """Return a run that is advanced from outside, step by step of another program: a controller
+        or a master of FMUs. The ``options`` are those of ``run``.
+
+        Raises ``OptionError`` if they are wrong or ask for a tolerance of the global error.
+        """
+        from msahl.api.co_simulation import CoSimulation
+
+        return CoSimulation(self, options)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""

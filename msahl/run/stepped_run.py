@@ -9,7 +9,7 @@ import numpy as np
 
 from msahl.contact.modes import ContactsUnsolved
 from msahl.jit.compiled import prepare
-from msahl.model import Model, Options, resolve
+from msahl.model import Model, Options, RunSettings, resolve
 from msahl.model.settings import OFF
 from msahl.run.changes import Changes
 from msahl.run.communication import SAME_TIME, FreeSteps, GridSteps, on_grids
@@ -18,6 +18,7 @@ from msahl.run.options import OptionError
 from msahl.run.report import COMPLETED
 from msahl.run.setup import build_setup
 from msahl.run.snapshot import Snapshot, digest
+from msahl.run.step_plan import ROUND_OFF
 from msahl.run.stop import words_of
 from msahl.run.tables import tables_of_model
 
@@ -63,8 +64,7 @@ class SteppedRun:
         require_start(model)
         options = replace(options, error=OFF)
         settings = resolve(model.simulation, options)
-        if settings.tolerance is not None:
-            raise OptionError([NO_TOLERANCE])
+        require_no_tolerance(settings)
         self.columns = {name: heads[1:] for name, heads in tables_of_model(model).items()}
         self.rows = Rows(tuple(self.columns))
         with np.errstate(all="ignore"):
@@ -166,7 +166,7 @@ class SteppedRun:
 
     def _end_step_here(self) -> None:
         """Let a step end at the present time."""
-        if self.plan.progress.time <= self.time:
+        if self.plan.progress.time <= self.time * (1.0 + ROUND_OFF):
             return
         assert self.before is not None
         self._go_to(self.before)
@@ -187,7 +187,13 @@ class SteppedRun:
         self.loop.report.resumed.clear()
 
 
-NO_TOLERANCE = (
-    "a tolerance of the global error needs complete runs, and this one is advanced from outside: "
-    "give localTolerance (--local-tolerance), or a scheme with steps of a given size"
-)
+def require_no_tolerance(settings: RunSettings) -> None:
+    """Raise ``OptionError`` for steps that follow from a tolerance of the global error."""
+    if settings.tolerance is not None:
+        raise OptionError(
+            [
+                "a tolerance of the global error needs complete runs, and this one is advanced "
+                "from outside: give localTolerance (--local-tolerance), or a scheme with steps of "
+                "a given size"
+            ]
+        )
