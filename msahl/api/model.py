@@ -301,6 +301,11 @@ class Model:
         """The title of the deck; empty if it has none."""
         return self.records.simulation.title
 
+    @property
+    def source(self) -> Source:
+        """The deck that was read, without the changed numbers, and the files of its parts."""
+        return self._deck.source
+
     @cached_property
     def xml(self) -> bytes:
         """The deck with the changed numbers, as ``deck.xml`` of a run has it; of a model of

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import re
 import zipfile
 from collections.abc import Callable
@@ -9,9 +10,10 @@ from importlib.resources import files
 from pathlib import PurePosixPath
 from typing import Any
 
-from msahl.api.co_simulation import CoSimulation
+from msahl.api.model import Model
+from msahl.api.options import RunOptions
 from msahl.fmu.description import Description, description_2, description_3, is_known
-from msahl.fmu.slave import DECK
+from msahl.fmu.slave import DECK, RUN
 from msahl.records import record
 from msahl.run.options import OptionError
 from msahl.version import VERSION
@@ -25,13 +27,16 @@ MODULE = '''\
 import sys
 
 try:
-    from msahl.fmu.slave import {base}
+    from msahl.fmu.slave import {base}, keep
 except ImportError as error:
     raise ImportError(
         "this FMU needs msahl {version}, which cannot be imported by the Python in "
         f"{{sys.prefix}} ({{sys.version.split()[0]}}): {{error}}; install it there: "
         "pip install msahl=={version}"
     ) from error
+
+
+keep(globals())
 
 
 class {name}({base}):
@@ -57,17 +62,17 @@ KINDS = {
 """By the number of the version."""
 
 
-def fmu(run: CoSimulation, deck: bytes, name: str, version: str) -> bytes:
-    """Return the FMU of a ``deck``, of which ``run`` is the run, called ``name``, for a ``version``
-    of FMI. Raises ``OptionError`` if the binaries are not installed, and what the start of a run
-    raises.
+def fmu(model: Model, options: RunOptions, name: str, version: str) -> bytes:
+    """Return the FMU called ``name`` of a ``model`` that runs with these ``options``, for a
+    ``version`` of FMI. Raises ``OptionError`` if the binaries are not installed, and what the start
+    of a run raises.
     """
     kind, identifier = KINDS[version], identifier_of(name)
     binaries = _binaries(kind)
+    run = model.co_simulation(**options)
     _ = run.values  # the model must start
-    digest = hashlib.sha256(deck + f"{VERSION} {identifier} {version}".encode()).hexdigest()
-    # A process may hold several FMUs, whose modules must differ by their names.
-    own = f"{identifier}_{digest[:16]}"
+    files_of_run = _files(model, options)
+    digest = hashlib.sha256(f"{VERSION} {identifier} {version} {files_of_run}".encode()).hexdigest()
     given = Description(
         identifier=identifier,
         title=run.title,
@@ -76,16 +81,29 @@ def fmu(run: CoSimulation, deck: bytes, name: str, version: str) -> bytes:
         interval=run.interval,
         variables=[one for one in run.variables.values() if is_known(one)],
     )
-    module = MODULE.format(version=VERSION, base=kind.base, name=identifier)
+    # A process may hold several FMUs, whose modules must differ by their names.
+    module = f"{identifier}_{digest[:16]}"
+    text = MODULE.format(version=VERSION, base=kind.base, name=identifier)
     contents = {
         "modelDescription.xml": kind.describe(given),
-        f"resources/{DECK}": deck,
-        f"resources/{own}.py": module.encode(),
-        "resources/slavemodule.txt": own.encode(),
+        **{f"resources/{path}": data for path, data in files_of_run.items()},
+        f"resources/{module}.py": text.encode(),
+        "resources/slavemodule.txt": module.encode(),
     }
     for path, data in binaries.items():
         contents[f"binaries/{path.parent}/{identifier}{path.suffix}"] = data
     return _packed(contents)
+
+
+def _files(model: Model, options: RunOptions) -> dict[str, bytes]:
+    """Return the files of the deck with its parts, and what an instance runs of them."""
+    source = model.source
+    files_of_deck = {source.path: source.data, **source.parts}
+    folder = source.path.parent
+    found = {f"{DECK}/{path.relative_to(folder).as_posix()}": data for path, data in files_of_deck.items()}
+    given = {name: value for name, value in options.items() if value is not None}
+    run = {"deck": source.path.name, "changes": model.changes, "options": given}
+    return {**found, RUN: json.dumps(run).encode()}
 
 
 def identifier_of(name: str) -> str:

@@ -80,6 +80,7 @@ class SteppedRun:
         self.time, self.row = 0.0, self.rows.kept[0.0]
         self.before: Snapshot | None = None  # of the step that has passed ``time``, if one has
         self.changed = False  # whether something was set at ``time``
+        self.failure = ""  # why no step was possible: none is until a state is restored
 
     @property
     def t_final(self) -> float:
@@ -151,6 +152,8 @@ class SteppedRun:
 
     def _take_steps(self, t: float) -> None:
         """Take the steps up to ``t`` [s], or the one that has passed it once more for its row."""
+        if self.failure:
+            raise RunEnded(self.failure)
         if math.isnan(self._key(t)) and self.plan.progress.time >= t:
             assert self.before is not None
             self._go_to(self.before)
@@ -158,11 +161,13 @@ class SteppedRun:
             if self.plan.ended:
                 end = self.plan.progress.time
                 words = f", where {words_of(self.setup.model)}" if self.loop.stopping else ""
-                raise RunEnded(f"the run ended at t = {end:.9g} s{words}")
+                self.failure = f"the run ended at t = {end:.9g} s{words}"
+                raise RunEnded(self.failure)
             self.before = self._snapshot() if self.plan.passes else None
             self.loop.take_chunk(self.setup.output.chunk)
             if self.loop.report.status != COMPLETED:
-                raise RunEnded(self.loop.report.message)
+                self.failure = self.loop.report.message
+                raise RunEnded(self.failure)
 
     def _end_step_here(self) -> None:
         """Let a step end at the present time."""
@@ -181,6 +186,7 @@ class SteppedRun:
         return Snapshot(found.system, numbers, found.memory)
 
     def _go_to(self, snapshot: Snapshot) -> None:
+        self.failure = ""
         self.plan.begin_again()
         self.loop.stopping = False
         self.loop.go_to(snapshot)
