@@ -21,6 +21,7 @@ from msahl.model.settable import with_parameter
 from msahl.run.options import OptionError
 from msahl.run.snapshot import ResumeError, Snapshot
 from msahl.run.stepped_run import SteppedRun, require_no_tolerance
+from msahl.run.tables import SIGNALS
 from msahl.version import VERSION
 
 if TYPE_CHECKING:
@@ -45,9 +46,11 @@ class CoSimulation:
         job = model.job(**options)
         require_no_tolerance(job.settings)
         self.variables = variables_of(model.records, model.parameters)
+        self._identity = f"{model.digest} {model.changes} {sorted(options.items())}"
         self.t_final = job.settings.t_final
         self.interval = job.settings.output_interval or job.settings.dt
         self._given: dict[str, float] = {}
+        self._inputs: dict[str, float] = {}  # set at the present time, which no row has yet
         self._parameters: dict[str, float] = {}  # with which the run has started
         self._run: SteppedRun | None = None
         self._places: dict[str, int] = {}
@@ -66,12 +69,17 @@ class CoSimulation:
     def values(self) -> dict[str, float]:
         """All columns of tables at the present time, by name."""
         row = self._started().row.tolist()
-        return {name: row[place] for name, place in self._places.items()}
+        return {
+            name: row[place]
+            for name, place in self._places.items()
+            if self.variables[name].kind == OUTPUT
+        }
 
     def __getitem__(self, name: str) -> float:
         """Return a number by its name; raises ``OptionError`` if there is none."""
         variable = self._variable(name)
-        if variable.kind == OUTPUT:
+        is_held = variable.kind != INPUT or self.time == 0.0 or name in self._inputs
+        if variable.kind == OUTPUT or not is_held:  # an event may have set an input
             return float(self._started().row[self._places[name]])
         return self._given.get(name, variable.start)
 
@@ -101,13 +109,21 @@ class CoSimulation:
         if not isinstance(to, Real) or not math.isfinite(to):
             raise OptionError([f"to: it is {to!r:.200}; it must be a time in seconds"])
         self._started().advance(float(to))
+        self._inputs.clear()
 
     def save(self) -> bytes:
         """Return the state of the run, from which it goes on to the last bit."""
         run = self._run
         saved = None if run is None else _packed(run.save())
-        head = {"msahl": VERSION, "given": self._given, "run": saved}
-        return json.dumps(head | {"at_start": self._parameters}).encode()
+        head = {
+            "msahl": VERSION,
+            "of": self._identity,
+            "given": self._given,
+            "inputs": self._inputs,
+            "at_start": self._parameters,
+            "run": saved,
+        }
+        return json.dumps(head).encode()
 
     def restore(self, saved: bytes) -> None:
         """Go to where ``save`` was called, of this run or another of the same model and options.
@@ -116,20 +132,27 @@ class CoSimulation:
         try:
             head = json.loads(saved)
             if head["msahl"] != VERSION:
-                raise ResumeError(f"saved by msahl {head['msahl']}, and this is {VERSION}")
+                raise ResumeError(f"it was saved by msahl {head['msahl']}, and this is {VERSION}")
+            if head["of"] != self._identity:
+                raise ResumeError("it was saved by a run of another deck, or with other options")
             state = None if head["run"] is None else _unpacked(head["run"])
             given, at_start = dict(head["given"]), dict(head["at_start"])
+            inputs = dict(head["inputs"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ResumeError("it is not the saved state of a run") from error
-        if not {*given, *at_start} <= self.variables.keys():
-            raise ResumeError("it is the saved state of a run of another model")
         if state is None:
-            self._given, self._run = given, None
+            self._given, self._inputs, self._run = given, inputs, None
             return
         if self._run is None or at_start != self._parameters:
             self._given, self._run = at_start, None
-        self._started().restore(state)
-        self._given = given
+        try:
+            self._started().restore(state)
+        except ResumeError as error:
+            raise ResumeError(
+                "it was saved on another machine, or with other libraries: the model's matrices "
+                "differ in the last digits"
+            ) from error
+        self._given, self._inputs = given, inputs
 
     def _fault(self, name: str, value: Any) -> str:
         """Return why a number cannot be set; empty if it can."""
@@ -138,7 +161,7 @@ class CoSimulation:
             return _unknown(name, self.variables)
         if variable.kind == OUTPUT:
             return f"{name} is a result of the run; set an input or a parameter"
-        if not isinstance(value, Real) or not abs(value) <= LARGEST:
+        if not isinstance(value, Real) or not abs(float(value)) <= LARGEST:
             return f"{name}: it is {value!r:.200}; give a finite number, of up to {LARGEST:g}"
         if variable.kind == PARAMETER and self.time > 0.0 and self[name] != value:
             return (
@@ -159,10 +182,14 @@ class CoSimulation:
         """Set inputs and numbers of loads at the present time."""
         tunable = self._of_kind(TUNABLE, changed)
         if tunable:
-            require_sound(self._with_numbers(self._model.records, self._of_kind(TUNABLE, self._given)))
+            require_sound(
+                self._with_numbers(self._model.records, self._of_kind(TUNABLE, self._given))
+            )
         known = self.variables
         numbers = {(known[n].load, known[n].parameter): value for n, value in tunable.items()}
-        self._started().set(self._of_kind(INPUT, changed), numbers)
+        inputs = self._of_kind(INPUT, changed)
+        self._started().set(inputs, numbers)
+        self._inputs.update(inputs)
 
     def _started(self) -> SteppedRun:
         """Return the run, which starts with what has been set."""
@@ -179,9 +206,9 @@ class CoSimulation:
             columns = [(table, c) for table, heads in self._run.columns.items() for c in heads]
             place = {of: k for k, of in enumerate(columns)}
             self._places = {
-                v.name: place[v.table, v.name.removeprefix(f"{v.table}.")]
+                v.name: place[v.table or SIGNALS, v.name.removeprefix(f"{v.table}.")]
                 for v in self.variables.values()
-                if v.kind == OUTPUT
+                if v.kind in (INPUT, OUTPUT)
             }
         return self._run
 

@@ -307,6 +307,11 @@ class Model:
         return self._deck.source
 
     @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the deck with its parts, without comments and changed numbers."""
+        return self._deck.digest()
+
+    @cached_property
     def xml(self) -> bytes:
         """The deck with the changed numbers, as ``deck.xml`` of a run has it; of a model of
         records, the deck that says the same."""

@@ -47,8 +47,10 @@ def description_2(given: Description) -> bytes:
     _head(root, given)
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(given.variables, FIRST):
-        attributes = _attributes(variable, reference)
-        real = {name: attributes.pop(name) for name in ("unit", "start") if name in attributes}
+        attributes, real = _attributes(variable, reference), dict[str, str]()
+        for name in ("unit", "start"):
+            if name in attributes:
+                real[name] = attributes.pop(name)
         SubElement(SubElement(variables, "ScalarVariable", attributes), "Real", real)
     structure = SubElement(root, "ModelStructure")
     for group in ("Outputs", "InitialUnknowns"):

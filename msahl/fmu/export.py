@@ -100,7 +100,10 @@ def _files(model: Model, options: RunOptions) -> dict[str, bytes]:
     source = model.source
     files_of_deck = {source.path: source.data, **source.parts}
     folder = source.path.parent
-    found = {f"{DECK}/{path.relative_to(folder).as_posix()}": data for path, data in files_of_deck.items()}
+    found = {
+        f"{DECK}/{path.relative_to(folder).as_posix()}": data
+        for path, data in files_of_deck.items()
+    }
     given = {name: value for name, value in options.items() if value is not None}
     run = {"deck": source.path.name, "changes": model.changes, "options": given}
     return {**found, RUN: json.dumps(run).encode()}

@@ -1,8 +1,8 @@
 """What an FMU does when a master calls it: the classes that its binaries make and call.
 
 The binaries of pythonfmu and pythonfmu3 find a class in a module of the FMU whose bases are named
-``Fmi2Slave`` or ``Fmi3Slave``, make an object of it for each instance, and call its methods by name.
-No method raises: what is wrong is logged as an error, and no step is taken from then on.
+``Fmi2Slave`` or ``Fmi3Slave``, make an object of it for each instance, and call its methods. No
+method raises: what is wrong is logged as an error, and no step is taken from then on.
 """
 
 import ctypes
@@ -14,7 +14,6 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from msahl.api.co_simulation import CoSimulation
 from msahl.api.model import load
 from msahl.check import ModelError
 from msahl.deck import DeckError

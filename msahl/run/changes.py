@@ -42,7 +42,9 @@ class Changes:
         if self._own is not None or values:
             self.parameters.restore(values)
 
-    def apply(self, states: Mapping[str, float], parameters: Mapping[tuple[str, str], float]) -> None:
+    def apply(
+        self, states: Mapping[str, float], parameters: Mapping[tuple[str, str], float]
+    ) -> None:
         """Set auxiliary ``states`` by name and ``parameters`` [SI] by load and name: those that the
         subsystem has. Loads jump; the next steps begin anew. Raises ``ContactsUnsolved``.
         """

@@ -55,8 +55,8 @@ class Rows:
 class SteppedRun:
     """The run of a sound ``model`` with these ``options``, at ``time`` [s].
 
-    ``columns`` are those of all tables but the time, by table; ``row`` has their values at the time.
-    Steps and rows are those of ``loop.run`` as long as nothing is set. Raises ``OptionError`` for a
+    ``columns`` are those of all tables but the time, by table; ``row`` has their values now. Steps
+    and rows are those of ``loop.run`` as long as nothing is set. Raises ``OptionError`` for a
     tolerance of the global error, ``StartError`` if there is no consistent start.
     """
 
