@@ -6,7 +6,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from dataclasses import replace
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, Unpack
 
 import numpy as np
 
@@ -18,18 +18,46 @@ from msahl.expressions.syntax import nearest
 from msahl.model import Model as Records
 from msahl.model import SignalState
 from msahl.model.settable import with_parameter
+from msahl.results.job import Job
 from msahl.run.options import OptionError
 from msahl.run.snapshot import ResumeError, Snapshot
 from msahl.run.stepped_run import SteppedRun, require_no_tolerance
 from msahl.run.tables import SIGNALS
 from msahl.version import VERSION
 
-if TYPE_CHECKING:
-    from msahl.api.model import Model
-
 DOUBLES = np.dtype("<f8")
 LARGEST = 1e100
 """Largest number that is accepted, as in decks."""
+
+
+class Runnable(Protocol):
+    """What a run needs of a ``Model``, which makes it."""
+
+    @property
+    def title(self) -> str:
+        """See ``Model``."""
+
+    @property
+    def digest(self) -> str:
+        """See ``Model``."""
+
+    @property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """See ``Model``."""
+
+    @property
+    def records(self) -> Records:
+        """See ``Model``."""
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """See ``Model``."""
+
+    def with_(self, **changes: float | str) -> "Runnable":
+        """See ``Model``."""
+
+    def job(self, **options: Unpack[RunOptions]) -> Job:
+        """See ``Model``."""
 
 
 class CoSimulation:
@@ -41,7 +69,7 @@ class CoSimulation:
     raises ``DeckError``, ``ModelError`` or ``StartError`` when it is first needed.
     """
 
-    def __init__(self, model: "Model", options: RunOptions) -> None:
+    def __init__(self, model: Runnable, options: RunOptions) -> None:
         self._model, self._options = model, options
         job = model.job(**options)
         require_no_tolerance(job.settings)

@@ -136,9 +136,9 @@ def export_fmu(
     except DeckError as error:
         stop(str(error))
     with computing(deck, quiet):
-        whole = fmu(model, options, deck.stem, version)
+        written = fmu(model, options, deck.stem, version)
     target = output or Path(f"{deck.stem}.fmu")
     with writing(target, "choose another file with -o"):
-        target.write_bytes(whole)
+        target.write_bytes(written)
     if not quiet:
-        say(f"{shown_path(target)}: FMI {version}.0 for co-simulation, {len(whole) / 1e6:.1f} MB")
+        say(f"{shown_path(target)}: FMI {version}.0 for co-simulation, {len(written) / 1e6:.1f} MB")

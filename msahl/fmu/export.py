@@ -131,9 +131,9 @@ def _binaries(kind: Kind) -> dict[PurePosixPath, bytes]:
 
 
 def _packed(contents: dict[str, bytes]) -> bytes:
-    whole = io.BytesIO()
-    with zipfile.ZipFile(whole, "w") as archive:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
         for name, data in contents.items():
             info: Any = zipfile.ZipInfo(name, EPOCH)
             archive.writestr(info, data, zipfile.ZIP_DEFLATED)
-    return whole.getvalue()
+    return stream.getvalue()

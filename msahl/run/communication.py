@@ -58,10 +58,10 @@ class GridSteps(GivenSteps):
 
     def __init__(self, output: OutputTimes) -> None:
         super().__init__(output)
-        self.aim, self.whole = Aim(output), output
+        self.aim, self.given = Aim(output), output
 
     def next_chunk(self, steps: int, stride: int) -> Chunk:
-        """See ``StepPlan``: whole steps up to the target, or one more step that passes it."""
+        """See ``StepPlan``: steps up to the target, or one more step that passes it."""
         grid, first, begin = self.grid, self.progress.steps, self.progress.time
         target = min(self.aim.target, grid.t_final)
         last = min(grid.count(target), first + steps)
@@ -119,7 +119,7 @@ class GridSteps(GivenSteps):
 
     def begin_again(self) -> None:
         """Undo ``end_at``."""
-        self.output, self.grid = self.whole, self.whole.grid
+        self.output, self.grid = self.given, self.given.grid
 
 
 class FreeSteps(ControlledSteps):
@@ -127,7 +127,7 @@ class FreeSteps(ControlledSteps):
 
     def __init__(self, output: OutputTimes, tolerance: float) -> None:
         super().__init__(output, tolerance)
-        self.aim, self.whole = Aim(output), output
+        self.aim, self.given = Aim(output), output
 
     @property
     def ended(self) -> bool:
@@ -152,4 +152,4 @@ class FreeSteps(ControlledSteps):
 
     def begin_again(self) -> None:
         """Undo ``end_at``."""
-        self.output = self.whole
+        self.output = self.given

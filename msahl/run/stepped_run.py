@@ -85,13 +85,13 @@ class SteppedRun:
     @property
     def t_final(self) -> float:
         """Time at which the run ends [s]."""
-        return self.plan.whole.grid.t_final
+        return self.plan.given.grid.t_final
 
     def advance(self, t: float) -> None:
         """Go on to ``t`` [s], later than now. Raises ``RunEnded``, with what is wrong, if the run
         cannot.
         """
-        t = float(on_grids(np.array([t]), self.plan.whole)[0])
+        t = float(on_grids(np.array([t]), self.plan.given)[0])
         if not self.time < t:
             raise RunEnded(f"t = {t:g} s is not after t = {self.time:g} s, where the run stands")
         if t > self.t_final:
@@ -146,12 +146,12 @@ class SteppedRun:
         self.plan.aim.exact = exact
 
     def _key(self, t: float) -> float:
-        """Return the time of the row at ``t`` [s], nan if there is none."""
+        """Return the time [s] under which the values at ``t`` are kept, nan if they are not."""
         near = SAME_TIME * min(self.plan.aim.interval, self.plan.output.grid.h)
         return next((time for time in self.rows.kept if abs(time - t) <= near), math.nan)
 
     def _take_steps(self, t: float) -> None:
-        """Take the steps up to ``t`` [s], or the one that has passed it once more for its row."""
+        """Take the steps up to ``t`` [s], or that which has passed it once more for its output."""
         if self.failure:
             raise RunEnded(self.failure)
         if math.isnan(self._key(t)) and self.plan.progress.time >= t:
