@@ -4,7 +4,8 @@ from collections import Counter
 
 from msahl.deck.units import DEFAULTS
 from msahl.model import Model
-from msahl.model.settable import parameter_of, settable
+from msahl.model.settable import FIELDS, parameter_of, settable
+from msahl.model.settings import EQUILIBRIUM
 from msahl.records import record
 from msahl.run.column_units import quantity, shown_unit
 from msahl.run.tables import tables_of_model
@@ -49,9 +50,15 @@ def variables_of(model: Model, parameters: dict[str, dict[str, object]]) -> dict
 
 
 def _tunable(model: Model) -> list[Variable]:
+    """Return the numbers of loads; not the free lengths of a model that begins at an equilibrium,
+    where they are others than in the deck.
+    """
     found = []
+    moved = FIELDS if model.simulation.start == EQUILIBRIUM else {}
     for load in model.loads:
         for parameter, physical in settable(load).items():
+            if parameter in moved:
+                continue
             unit = shown_unit(DEFAULTS["SI"][physical]) if physical else ""
             value = parameter_of(load, parameter)
             name = f"{load.name}.{parameter}"

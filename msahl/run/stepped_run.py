@@ -115,7 +115,8 @@ class SteppedRun:
                 for changes in self.changes:
                     changes.apply(states, parameters)
             except ContactsUnsolved as error:
-                raise RunEnded(str(error)) from error
+                self.failure = str(error)
+                raise RunEnded(self.failure) from error
         self.rows.kept, self.changed = {self.time: self.row}, True
         self.loop.accepted.update(self.setup.integrators)
 
