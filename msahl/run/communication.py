@@ -62,25 +62,43 @@ class GridSteps(GivenSteps):
 
     def next_chunk(self, steps: int, stride: int) -> Chunk:
         """See ``StepPlan``: steps up to the target, or one more step that passes it."""
-        grid, first, begin = self.grid, self.progress.steps, self.progress.time
-        target = min(self.aim.target, grid.t_final)
-        last = min(grid.count(target), first + steps)
-        if begin != grid.time(first):
-            end = grid.time(first + 1)
-            last, end = first + 1, min(end, target) if self.aim.exact else end
-            h = end - begin
-        elif last > first:
-            if last == grid.n and not grid.uniform and last > first + 1:
-                last -= 1  # the last step is shorter
-            h, end = grid.step(last), grid.time(last)
-        else:
-            last = first + 1
-            h, end = grid.step(last), grid.time(last)
-            if self.aim.exact:
-                h, end = target - begin, target
+        grid, first = self.grid, self.progress.steps
+        last = min(self._passed(self.aim.target), first + steps)
+        if not self._on_grid or last == first:
+            return self._next_step()
+        if last == grid.n and not grid.uniform and last > first + 1:
+            last -= 1  # the last step is shorter
         ends = grid.times(np.arange(first + 1, last + 1))
-        ends[-1] = end
-        times = self.aim.points(begin, end)
+        return self._chunk(ends, grid.step(last))
+
+    @property
+    def passes(self) -> bool:
+        """Whether the next chunk is a step that may pass the target."""
+        reaches = self._on_grid and self._passed(self.aim.target) > self.progress.steps
+        return not (self.aim.exact or reaches)
+
+    @property
+    def _on_grid(self) -> bool:
+        """Whether the last step ended where one of the run ends."""
+        return self.progress.time == self.grid.time(self.progress.steps)
+
+    def _passed(self, t: float) -> int:
+        """Number of intervals of the grid that end at or before ``t`` [s], up to round-off."""
+        k = min(int(t / self.grid.h) + 1, self.grid.n)
+        while self.grid.time(k) > t + SAME_TIME * self.grid.h:
+            k -= 1
+        return k
+
+    def _next_step(self) -> Chunk:
+        """Return the step up to the next end on the grid, or to an exact target before it."""
+        end, h = self.grid.time(self.progress.steps + 1), self.grid.step(self.progress.steps + 1)
+        part = min(end, self.aim.target) if self.aim.exact else end
+        complete = self._on_grid and part == end
+        return self._chunk(np.array([part]), h if complete else part - self.progress.time)
+
+    def _chunk(self, ends: np.ndarray, h: float) -> Chunk:
+        begin = self.progress.time
+        times = self.aim.points(begin, float(ends[-1]))
         return Chunk(
             last=len(ends),
             h=h,
@@ -90,18 +108,11 @@ class GridSteps(GivenSteps):
             times=times,
         )
 
-    @property
-    def passes(self) -> bool:
-        """Whether the next chunk is a step that may pass the target."""
-        grid, target = self.grid, min(self.aim.target, self.grid.t_final)
-        on_grid = self.progress.time == grid.time(self.progress.steps)
-        return not (self.aim.exact or (on_grid and grid.count(target) > self.progress.steps))
-
     def accept(self, advance: Advance) -> None:
         """See ``StepPlan``."""
         if advance.steps:
-            end = float(advance.ends[advance.steps - 1])
-            self.progress.steps, self.progress.time = self.grid.count(end), end
+            self.progress.time = float(advance.ends[advance.steps - 1])
+            self.progress.steps = self._passed(self.progress.time)
 
     def approach(self, integrator: SubsystemIntegrator, t: float) -> int:
         """See ``StepPlan``."""

@@ -215,3 +215,19 @@ def test_a_condition_ends_the_run():
             run.advance(1.0)
     run.restore(saved)
     run.advance(0.7)
+
+
+def test_points_that_are_nearly_ends_of_steps():
+    """Late in a run, a point a millionth of a step before the end of one is a point of its own, and
+    one that differs by round-off is not.
+    """
+    run = stepped(CART, scheme="gauss2", dt=0.001)
+    run.advance(1.5 - 1e-9)
+    run.set({"force": 0.0}, {})
+    x, v = oscillate(0.0, 0.0, 4.0, 1.5 - 1e-9)
+    run.advance(1.5)
+    run.advance(1.6 * (1.0 + 1e-15))
+    x, v = oscillate(x, v, 0.0, 0.1 + 1e-9)
+    assert column(run, "Cart.x") == pytest.approx(x, abs=1e-12)  # (w h)^4 = 2e-11, over 180
+    assert run.plan.progress.steps == 1600
+    assert run.time == run.plan.grid.time(1600)
