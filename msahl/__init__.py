@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from msahl.analysis.inverse.drives import InverseError
     from msahl.api.batch import BatchError, batch
+    from msahl.api.co_simulation import CoSimulation
     from msahl.api.derivatives import GradientError, Gradients
     from msahl.api.importing import import_file
     from msahl.api.model import Model, load
@@ -22,11 +23,14 @@ if TYPE_CHECKING:
     from msahl.deck import DeckError
     from msahl.results.info import ResultError
     from msahl.run.options import OptionError
+    from msahl.run.snapshot import ResumeError
+    from msahl.run.stepped_run import RunEnded
     from msahl.start.velocities import StartError
 
 __version__ = VERSION
 __all__ = [
     "BatchError",
+    "CoSimulation",
     "DeckError",
     "GradientError",
     "Gradients",
@@ -36,6 +40,8 @@ __all__ = [
     "OptionError",
     "Result",
     "ResultError",
+    "ResumeError",
+    "RunEnded",
     "StartError",
     "batch",
     "import_file",
@@ -45,6 +51,7 @@ __all__ = [
 
 _PLACES = {
     "BatchError": "msahl.api.batch",
+    "CoSimulation": "msahl.api.co_simulation",
     "DeckError": "msahl.deck",
     "InverseError": "msahl.analysis.inverse.drives",
     "GradientError": "msahl.api.derivatives",
@@ -54,6 +61,8 @@ _PLACES = {
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",
     "ResultError": "msahl.results.info",
+    "ResumeError": "msahl.run.snapshot",
+    "RunEnded": "msahl.run.stepped_run",
     "StartError": "msahl.start.velocities",
     "batch": "msahl.api.batch",
     "import_file": "msahl.api.importing",

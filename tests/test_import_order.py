@@ -49,6 +49,7 @@ ORDER = (
     "study",
     "importers",
     "api",
+    "fmu",
     "sweep",
     "serve",
     "cli",

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
     from msahl.analysis.state_space.model import LinearModel
+    from msahl.api.co_simulation import CoSimulation
     from msahl.api.derivatives import Gradients
     from msahl.api.equilibria import Equilibrium
     from msahl.api.inverse import InverseResult
@@ -166,6 +167,16 @@ class Model:
         wanted = Wanted(motion, loads, weights, smooth, companion, columns)
         return loads_of(self.job(), wanted)
 
+    def co_simulation(self, **options: Unpack[RunOptions]) -> "CoSimulation":
+        """Return a run that is advanced from outside, step by step of another program: a controller
+        or a master of FMUs. The ``options`` are those of ``run``.
+
+        Raises ``OptionError`` if they are wrong or ask for a tolerance of the global error.
+        """
+        from msahl.api.co_simulation import CoSimulation
+
+        return CoSimulation(self, options)
+
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
         given: dict[str, Any] = dict(options)
@@ -289,6 +300,16 @@ class Model:
     def title(self) -> str:
         """The title of the deck; empty if it has none."""
         return self.records.simulation.title
+
+    @property
+    def source(self) -> Source:
+        """The deck that was read, without the changed numbers, and the files of its parts."""
+        return self._deck.source
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the deck with its parts, without comments and changed numbers."""
+        return self._deck.digest()
 
     @cached_property
     def xml(self) -> bytes:

@@ -82,7 +82,7 @@ def _dimension_in(element: Element) -> Dimension | None:
 
 
 def read_signal(element: Element, reader: Reader) -> AnySignal:
-    """Return the record of a ``<signal>``, a ``<state>`` or a ``<table>`` of signals."""
+    """Return the record of a ``<signal>``, ``<state>``, ``<input>`` or ``<table>`` of signals."""
     name = attribute(element, "name")
     record: AnySignal
     if element.tag == "table":
@@ -91,6 +91,10 @@ def read_signal(element: Element, reader: Reader) -> AnySignal:
         unit = _unit(element, reader)
         tree = read_expression(element, unit and unit.dimension, reader)
         record = Signal(name, tree, attribute(element, "units"))
+    elif element.tag == "input":
+        _unit(element, reader)
+        value = float(attribute(element, "value", "0"))
+        record = SignalState(name, NO_TREE, value, attribute(element, "units"), is_input=True)
     else:
         unit = _unit(element, reader)
         wanted = unit and unit.dimension.times(PER_SECOND)

@@ -246,6 +246,8 @@ def _write_signal(group: Element, signal: AnySignal) -> None:
         return
     if isinstance(signal, Signal):
         element = child(group, "signal", text_of(signal.expression), name=signal.name)
+    elif signal.is_input:
+        element = child(group, "input", name=signal.name, value=repr(float(signal.initial)))
     else:
         element = child(group, "state", text_of(signal.rate), name=signal.name)
         element.set("initial", repr(float(signal.initial)))

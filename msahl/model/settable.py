@@ -1,5 +1,6 @@
 """Numbers of loads that events may set: those that change a law and not what it acts on."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -31,6 +32,16 @@ def settable(load: Load) -> dict[str, str]:
         quantities = {field.name: field.quantity_along(load.coordinate) for field in fields}
         return {name: quantity for name, quantity in quantities.items() if quantity is not None}
     return {}
+
+
+def parameter_of(load: Load, parameter: str) -> float:
+    """Return the value [SI] of a parameter of a ``load`` that is ``settable``, nan if a deck leaves
+    it to the configuration at t = 0.
+    """
+    if isinstance(load, PointLoad | JointLoad):
+        return dict(load.parameters)[parameter]
+    value = getattr(load, FIELDS.get(parameter, parameter))
+    return math.nan if value is None else float(value)
 
 
 def with_parameter(load: Load, parameter: str, value: float) -> Load:

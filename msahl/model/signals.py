@@ -17,22 +17,26 @@ TIME = "t"
 @record
 class Signal:
     """An ``expression`` of the motion under a name, which others may use. ``unit`` is the SI unit
-    that its deck states, empty if it states none."""
+    that its deck states, empty if it states none. An ``is_input`` is an input that nothing sets:
+    its expression is a number."""
 
     name: str
     expression: Tree
     unit: str = ""
+    is_input: bool = False
 
 
 @record
 class SignalState:
     """An auxiliary state: it begins at ``initial``, and its ``rate`` is an expression [1/s].
-    ``unit`` is that of a ``Signal``."""
+    ``unit`` is that of a ``Signal``. An ``is_input`` has the rate zero: it keeps its value until
+    an event or another program sets it."""
 
     name: str
     rate: Tree
     initial: float = 0.0
     unit: str = ""
+    is_input: bool = False
 
 
 @record

@@ -98,10 +98,7 @@ def run(
     """
     if not checked:
         require_sound(model)
-    if model.simulation.start == EQUILIBRIUM:
-        raise StartError("the model is to start at an equilibrium, which has not been found yet")
-    for index, message in speed_jumps(model.motions, model.simulation):
-        raise StartError(f"motion '{model.motions[index].name}': {message}")
+    require_start(model)
     settings = resolve(model.simulation, options)
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):
@@ -111,6 +108,14 @@ def run(
             setup.release(report)
             return report
         return _run_to_tolerance(model, options, sink, hooks, since, finer)
+
+
+def require_start(model: Model) -> None:
+    """Raise ``StartError`` if a sound ``model`` is to start where it cannot."""
+    if model.simulation.start == EQUILIBRIUM:
+        raise StartError("the model is to start at an equilibrium, which has not been found yet")
+    for index, message in speed_jumps(model.motions, model.simulation):
+        raise StartError(f"motion '{model.motions[index].name}': {message}")
 
 
 def _run_to_tolerance(
@@ -158,7 +163,7 @@ class TimeLoop:
     def run(self, since: Snapshot | None) -> Report:
         """Take all steps, or those after the snapshot ``since``."""
         hooks = self.hooks
-        self._begin(since)
+        self.begin(since)
         for integrator in self.setup.all_integrators:
             integrator.stepper.requests.stopped = hooks.stopped
         try:
@@ -182,7 +187,7 @@ class TimeLoop:
         conclude(self.setup, self.record, self.report)
         return self.report
 
-    def _begin(self, since: Snapshot | None) -> None:
+    def begin(self, since: Snapshot | None) -> None:
         """Write the rows at t = 0, or restore a snapshot."""
         setup = self.setup
         if self.hooks.save or since:
@@ -236,7 +241,7 @@ class TimeLoop:
         saved, pause = time.perf_counter(), SAVE_SECONDS
         while not plan.ended and report.status == COMPLETED:
             began = time.perf_counter()
-            self._take_chunk(max(1, min(steps, most)))
+            self.take_chunk(max(1, min(steps, most)))
             seconds = time.perf_counter() - began
             self.hooks.progress(plan.progress.steps, self._time)
             # The first chunk may compile; chunks grow until they take their time.
@@ -259,14 +264,25 @@ class TimeLoop:
             return 0.0
         began = time.perf_counter()
         try:
-            self.hooks.save(take_snapshot(self.system, self.setup, self.record, self.report))
+            self.hooks.save(self.snapshot())
         except OSError as error:
             self._end_unwritten(error)
         seconds = time.perf_counter() - began
         self.report.add_seconds("checkpoints", seconds)
         return seconds
 
-    def _take_chunk(self, steps: int) -> None:
+    def snapshot(self) -> Snapshot:
+        """Snapshot of the run after the last chunk."""
+        return take_snapshot(self.system, self.setup, self.record, self.report)
+
+    def go_to(self, since: Snapshot) -> None:
+        """Go to where a snapshot of the same run was taken; raises ``ResumeError`` for another."""
+        restore_snapshot(since, self.system, self.setup, self.record, self.report)
+        self.accepted.update(self.setup.integrators)
+        self._arm(0.0)
+        self.report.status, self.report.message = COMPLETED, ""
+
+    def take_chunk(self, steps: int) -> None:
         """Take one chunk of about ``steps`` steps, check it, and hand it over."""
         began = time.perf_counter()
         chunk = self.setup.plan.next_chunk(steps, self._stride)

@@ -220,6 +220,13 @@ class Detection:
             self.detector.figures[figure] = other.detector.figures[figure]
         self.detector.figures[KNOWN], self.detector.event[0] = np.nan, -1
 
+    def forget_sides(self) -> None:
+        """Let switches be held where the present state has them, as it has jumped."""
+        own, detector = self.detector.margins, self.detector
+        own.held[own.switch[own.jumps & (detector.holds > 0)]] = FREE
+        detector.figures[KNOWN] = np.nan
+        self.forget()
+
     def forget(self) -> None:
         """Let no event have been found."""
         self.detector.event[0] = -1

@@ -120,6 +120,18 @@ class StepMethod(Protocol):
         """As ``Stepper.reset_prediction``."""
 
 
+def begin_anew(method: Any, contacts: "ContactSteps | None") -> Any:
+    """Let a ``method`` and its ``contacts`` do what ``Stepper.begin_anew`` asks for; return the
+    method of the steps to follow. Raises ``ContactsUnsolved``.
+    """
+    workspace = method.workspace
+    if method.detection:
+        method.detection.forget_sides()
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    method.reset_prediction()
+    return contacts.change(method, None) if contacts else method
+
+
 class FixedStepper:
     """A ``Stepper`` with steps of a given size.
 
@@ -183,6 +195,10 @@ class FixedStepper:
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
         self.method.reset_prediction()
+
+    def begin_anew(self) -> None:
+        """See ``Stepper``."""
+        self.method = begin_anew(self.method, self.contacts)
 
     @property
     def trouble(self) -> str:

@@ -31,7 +31,8 @@ A class that implements ``Stepper`` must
     return an ``Event`` that ends the run, after ``arm``, in ``Advance.event``, with the steps
     before the one in which it occurs. Steps of a system without margins
     (``events.margins``) cost nothing more;
-11. take the parts of divided steps in two halves where ``halves_parts`` is set, as companions do.
+11. take the parts of divided steps in two halves where ``halves_parts`` is set, as companions do;
+12. go on in ``begin_anew`` from a state in which loads have jumped from outside.
 """
 
 import math
@@ -86,6 +87,7 @@ class Stepper(Protocol):
     """Advances one subsystem by steps; see the obligations at the top of this module."""
 
     workspace: Workspace
+    method: Any  # that takes the next steps, with the contacts and elements that act now
     requests: Requests
     scipy_steps: int
     path_steps: int
@@ -126,6 +128,12 @@ class Stepper(Protocol):
 
     def reset_prediction(self) -> None:
         """Predict the next step from the accelerations of the state alone."""
+
+    def begin_anew(self) -> None:
+        """Take the next steps from the present state, whose loads have just jumped and whose
+        accelerations follow them: contacts, conditions and switches follow as well. Raises
+        ``ContactsUnsolved``.
+        """
 
     def arm(self, time: float) -> None:
         """Let events after ``time`` [s] end the run: none before this is called."""

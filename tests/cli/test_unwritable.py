@@ -32,6 +32,7 @@ WRITING = [
     (main, "schema"),
     (main, "import", ROBOT),
     (main, "export", "loads", RUN),
+    (main, "export", "fmu", DECK),
     (post, "report", RUN),
     (post, "plot", RUN, "path"),
     (post, "view", RUN),

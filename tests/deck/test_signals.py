@@ -1,10 +1,13 @@
 """Faults in expressions of the motion: each is a message with its place, and never a traceback."""
 
 import random
+import re
 
 import pytest
 
-from msahl.deck import DeckError, read_deck
+from msahl.deck import DeckError, ParsedDeck, Source, read_deck
+from msahl.expressions.syntax import parse
+from msahl.model.signals import SignalState
 
 DECK = """<data>
   <parameters><parameter name="k" units="N/m">50</parameter></parameters>
@@ -45,6 +48,36 @@ def read(folder, force=GOOD, signal="0.1 - S.slide"):
     text = DECK.replace("SIGNAL", signal).replace("FORCE", force)
     path.write_text(text.replace(" < ", " &lt; "))
     return read_deck(path)
+
+
+def with_input(folder, attributes, force="push"):
+    path = folder / "deck.xml"
+    text = DECK.replace("SIGNAL", "0.1 - S.slide").replace("FORCE", force)
+    path.write_text(text.replace("<signals>", f"<signals><input {attributes}/>"))
+    return read_deck(path)
+
+
+def test_an_input_is_a_state_that_keeps_its_value(tmp_path):
+    model = with_input(tmp_path, 'name="push" units="N" value="-2.5"')
+    assert model.states[0] == SignalState("push", parse("0"), -2.5, "N", is_input=True)
+    assert with_input(tmp_path, 'name="push"').states[0].initial == 0.0
+    assert ParsedDeck(Source.of_model(model)).model().signals == model.signals
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ('name="push" units="m"', "the expression is m, and kg-m/s^2 is needed"),
+        ('name="push" units="kN"', "expressions of the motion are in SI; give"),
+        ('name="push" units="parsec"', "unknown unit 'parsec'"),
+        ('name="pull"', "the name is taken by"),
+        ('name="push" value="x"', "value"),
+        ('name="push" initial="1"', "initial"),
+    ],
+)
+def test_faults_of_inputs(attributes, message, tmp_path):
+    with pytest.raises(DeckError, match=re.escape(message)):
+        with_input(tmp_path, attributes)
 
 
 def test_the_deck_without_faults_is_read(tmp_path):

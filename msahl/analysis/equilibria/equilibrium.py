@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law, build_laws, evaluate
+from msahl.analysis.constant_inputs import with_constant_inputs
 from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.linearised.plain_units import equation_scale
@@ -96,6 +97,7 @@ def search_start(model: Model) -> Point:
     accelerations. Raises ``StartError`` if there is no consistent state.
     """
     held = Law("constant", (0.0,))
+    model = with_constant_inputs(model)
     model = replace(model, motions=tuple(replace(m, law=held) for m in model.motions))
     return placed(model) if model.beams else at_start(model)
 

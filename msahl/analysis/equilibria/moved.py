@@ -22,6 +22,7 @@ from msahl.algebra.functions import Law
 from msahl.algebra.rotation import matrix
 from msahl.algebra.rotation_arrays import plain_vector
 from msahl.algebra.vector import Vector, at, dot
+from msahl.analysis.constant_inputs import with_inputs
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
 from msahl.check.context import Context, context_of
@@ -167,7 +168,7 @@ def _values(point: Point) -> np.ndarray:
 def _signals(model: Model, point: Point) -> tuple[AnySignal, ...]:
     """Return the signals, with the values of states at ``point``."""
     values = iter(point.state.auxiliary.tolist())
-    return tuple(
+    return with_inputs(
         replace(signal, initial=next(values)) if isinstance(signal, SignalState) else signal
         for signal in model.signals
     )

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from msahl.analysis.constant_inputs import with_constant_inputs
 from msahl.analysis.kinematics.configuration import EPSILON, Equations, new_equations
 from msahl.analysis.kinematics.follow import Follower, Instant, LostError
 from msahl.analysis.kinematics.prescribed import require_compatible, require_prescribed
@@ -116,6 +117,7 @@ def prepare(model: Model) -> Prepared:
             "computed, by dense matrices: run the deck with msahl run"
         )
     require_no_contacts(model)
+    model = with_constant_inputs(model)
     # Velocities of the deck at t = 0 do not count: all follow from the motions.
     point = at_start(replace(model, velocity="asGiven"))
     equations = new_equations(point.system, point.state)

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from msahl.analysis.constant_inputs import with_constant_inputs
 from msahl.analysis.linearised.projection import close
 from msahl.analysis.linearised.settle import settle
 from msahl.analysis.linearised.touching import (
@@ -124,6 +125,7 @@ def at_time(model: Model, time: float) -> Point:
     """Return the model after a run to the ``time`` [s]; raises ``StartError`` if it does not get
     there, or if it has events, which may have changed it.
     """
+    model = with_constant_inputs(model)
     if time == 0.0:
         return at_start(model)
     if model.events:

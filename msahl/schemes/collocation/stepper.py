@@ -26,6 +26,7 @@ from msahl.schemes.collocation.tree.stages import ITERATIONS, SLOPES, STEPS, Tre
 from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.contact_steps import MOST_EVENTS, ContactSteps
 from msahl.schemes.detection import Detection
+from msahl.schemes.fixed_stepper import begin_anew
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
@@ -279,7 +280,7 @@ class AdaptiveStepper:
         """See ``Stepper``."""
         return {
             "degree": self.method.degree,
-            "chosen": self.chosen,
+            "chosen": [*self.chosen],
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
             "events": self.method.detection.counters if self.method.detection else {},
@@ -292,7 +293,7 @@ class AdaptiveStepper:
             self.contacts.restore(counters["contacts"])
             self.method = self.contacts.method
         self.method.restore(counters)
-        self.chosen = counters["chosen"]
+        self.chosen = [*counters["chosen"]]
         self.review, self.pause = counters["review"]
         self.control.counts[:] = counters["pairs"]
         if self.method.detection:
@@ -301,6 +302,13 @@ class AdaptiveStepper:
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
         self.method.reset_prediction()
+
+    def begin_anew(self) -> None:
+        """See ``Stepper``."""
+        self.method = begin_anew(self.method, self.contacts)
+        if self.contacts:
+            left = float(self.workspace.state.time[0]) + self.contacts.time_left()
+            self.control.figures[step_control.STOP] = left
 
     @property
     def trouble(self) -> str:
