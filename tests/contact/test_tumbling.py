@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.contact import chain
 from msahl.deck import read_deck
 from tests.contact.models import run_events
 
@@ -91,3 +92,16 @@ def test_a_chain_of_rods_falls_flat(tmp_path):
     assert first == pytest.approx(np.sqrt(1.2 / 9.81), abs=1e-12)
     # At rest to the height of rebounds that are omitted, 1e-10 m, and round-off.
     assert np.abs(heights[-1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("links", [6, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_chain_that_lies_straight_comes_to_rest(monkeypatch, links):
+    """Fixed at one end it is held by all of its links, whose shares are not unique: where the share
+    of one is used up, others hold it.
+    """
+    monkeypatch.setattr(chain, "FRICTION", 0.3)
+    report, sink, _ = run_events(chain.chain(links), "gauss2", dt=1e-3, t_final=0.6)
+    assert report.status == "completed"
+    velocities = [12 * body + k for body in range(links) for k in range(7, 13)]
+    # At rest to round-off.
+    assert np.abs(sink.table("states")[-1, velocities]).max() < 1e-12
