@@ -144,7 +144,7 @@ def test_options_in_the_documentation_exist():
     from msahl.cli.main import main as msahl
     from msahl.post.cli import main as msahl_post
 
-    known = {"--help", "--quick", "--problem", "--code", "--page", "--no-deps"}
+    known = {"--help", "--quick", "--problem", "--code", "--page", "--planar", "--no-deps"}
     known |= FOREIGN
     for group in (msahl, msahl_post):
         context = click.Context(group)

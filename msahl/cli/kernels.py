@@ -24,7 +24,11 @@ from msahl.model.settings import INSTANTANEOUS
 from msahl.resources import example_deck, example_decks
 from msahl.run.setup import build_setup
 from msahl.start.velocities import StartError
+from msahl.system import evaluate
+from msahl.system.arrays import System, new_system_workspace
 from msahl.system.build import build_system
+from msahl.system.reductions import plane_normal
+from msahl.system.state import build_state
 from msahl.system.subsystems import split
 from msahl.system.tree import tree_kind
 
@@ -89,12 +93,20 @@ def _models() -> Iterator[Model]:
 
 def kind_of(model: Model) -> Description:
     """Return what the machine code of a model depends on: the types of the arrays of its system, of
-    its margins if it has events in steps of low or high order, and whether it has joint
-    coordinates, and loops in these.
+    its margins if it has events in steps of low or high order, whether it has joint coordinates,
+    and loops in these, and whether it has beams in a plane.
     """
     system, span = build_system(model), Span(model.simulation.t_final)
     margins = (build_margins(system, order, span) for order in (2, 4))
-    return describe((system, *margins, tree_kind(model, system)))
+    beams = system.beams is not None and _is_planar(model, system)
+    return describe((system, *margins, tree_kind(model, system), beams and (True,)))
+
+
+def _is_planar(model: Model, system: System) -> bool:
+    state = build_state(model, system)
+    start = new_system_workspace(system, state)
+    evaluate.prepare(system, state, start)
+    return plane_normal(system, start) is not None
 
 
 def _calls(model: Model) -> Iterator[Call]:

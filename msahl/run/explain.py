@@ -18,7 +18,7 @@ from msahl.run.time_grid import TimeGrid
 from msahl.run.verdict import describe_reactions
 from msahl.system.arrays import multiplier_count
 from msahl.system.names import STRAINS
-from msahl.system.reductions import all_unknowns
+from msahl.system.reductions import all_unknowns, in_space
 from msahl.system.subsystems import split
 
 AXES = "xyz"
@@ -164,7 +164,8 @@ def _unknowns(model: Model, integrators: Sequence[SubsystemIntegrator]) -> Itera
     bodies = len(model.bodies)
     equations = sum(multiplier_count(integrator.workspace.system) for integrator in integrators)
     solved = sum(integrator.workspace.unknowns.free.size for integrator in integrators)
-    full = sum(all_unknowns(integrator.workspace.system).size for integrator in integrators)
+    systems = (in_space(integrator.workspace.system) for integrator in integrators)
+    full = sum(all_unknowns(system).size for system in systems)
     yield (
         f"unknowns of a step: {12 * bodies + equations} (displacements, rotations, their rates, "
         f"multipliers), {full} after the rates are eliminated, {solved} are solved for"
@@ -177,9 +178,10 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
     head = "" if alone else f"subsystem of {_members(integrator.model)}: "
     lu = workspace.unknowns.elimination
     if integrator.axis is not None:
+        of_beams = "" if workspace.system.beams is None else "each point of a beam three strains, "
         yield (
             f"{head}planar: nothing moves along {AXES[integrator.axis]}, so each body has three "
-            "unknowns, and equations that symmetry fulfils are omitted"
+            f"unknowns, {of_beams}and equations that symmetry fulfils are omitted"
         )
     bodies = zip(integrator.model.bodies, workspace.system.frames.ballistic, strict=False)
     flying = [body.name for body, ballistic in bodies if ballistic]

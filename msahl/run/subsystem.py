@@ -157,20 +157,20 @@ class SubsystemIntegrator:
         self.axis = None if full else plane_normal(engaged, start, pushes)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
-            unknowns = choose(system, free, nodes)
+            unknowns = choose(stay_in_plane(system, start, self.axis), free, nodes)
         self.change = make_consistent(system, state, free, model.velocity, work_arrays)
         # Contacts that stick may be redundant with each other, as the corners of a box are.
         shares = system.forces.sliding is not None and system.forces.sliding.row.size > 1
         if shares or (self.redundant and not is_regular(system, state, unknowns, at_rest)):
             system, self.switches = build_at_start(model, True, Places(state.x, state.p))
             unknowns, at_rest, work_arrays = (
-                choose(system, free),
+                choose(stay_in_plane(system, start, self.axis), free),
                 None,
                 new_work_arrays(system, state),
             )
         solve_accelerations(system, state, unknowns, at_rest, work_arrays)
         if self.axis is not None:
-            system = stay_in_plane(system, self.axis)
+            system = stay_in_plane(system, start, self.axis)
             symmetric = symmetric_rows(system, start, self.axis)
             system = drop_rows(system, symmetric)
             self.switches = without(self.switches, symmetric) if self.switches else None

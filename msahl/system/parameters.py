@@ -374,6 +374,7 @@ def _beams(elements: Elements, places: Indices, frames: Frames) -> Beams:
         damping=np.concatenate([np.tile(beam.damping, (len(beam.strain), 1)) for beam in entries]),
         mass=_numbers(1.0 / frames.inverse_mass[frame[own]].sum() for own in of_point),
         length=_numbers(frames.length[frame[own]].max() for own in of_point),
+        plane=None,
     )
 
 

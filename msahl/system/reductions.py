@@ -14,8 +14,11 @@ What is not solved for must not depend on itself. The components that a planar s
 are therefore zero, not small: every velocity and every guess passes through ``frames.restrict``.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
+from msahl.elements.beams.group import Beams, BeamsWorkspace, Plane
 from msahl.elements.constraints import curves
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
@@ -53,8 +56,8 @@ def plane_normal(
 
 
 def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
-    if system.beams is not None:
-        return False  # the reduction does not know their multipliers
+    if system.beams is not None and plane_of_beams(system.beams, start.beams, axis) is None:
+        return False
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
@@ -77,6 +80,57 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     active = rows.coordinate[moved].reshape(-1)
     acting = np.concatenate([active, forces.coordinates_of(system.forces)])
     return not _held(group, products, axis)[acting[acting >= 0]].any()
+
+
+def plane_of_beams(group: Beams, start: BeamsWorkspace, axis: int) -> Plane | None:
+    """Return the plane across ``axis`` if all beams stay in it by symmetry, else None.
+
+    Lines lie in the plane. Of the directors d_2 and d_3 of all nodes of an element one is the
+    normal, on the same side. Unstressed beams have no strains out of the plane, and those in it no
+    compliance in common with the others.
+    """
+    lines = (start.d[:, 0], start.arm, start.r_slope)
+    if not all(_is_zero(a[:, [axis]], a) for a in lines):
+        return None
+    normal = _normals(group, start.d, axis)
+    if normal is None:
+        return None
+    side = np.sign(start.d[group.node[group.first[group.element]], normal, axis])
+    kept = in_plane_strains(3 - normal)
+    out = ~kept
+    if not _is_zero(group.reference * out, np.ones((out.shape[0], 1))):
+        return None
+    if (group.compliance * (kept[:, :, None] & out[:, None, :])).any():
+        return None
+    return Plane(
+        axes=np.array([(axis + 1) % 3, (axis + 2) % 3, axis]),
+        shear=3 - normal,
+        bend=3 + normal,
+        shear_sign=np.where(normal == 2, side, -side),
+        bend_sign=side,
+    )
+
+
+def _normals(group: Beams, d: np.ndarray, axis: int) -> np.ndarray | None:
+    """(g,) number of the director, 1 or 2, that is the normal at all nodes of the element of each
+    Gauss point, of the directors ``d`` (m, 3, 3) of the nodes; None if there is none.
+    """
+    in_plane = [i for i in range(3) if i != axis]
+    flat = np.abs(d[:, 1:, axis]) <= ROUND_OFF
+    upright = (np.abs(d[:, 1:, in_plane]) <= ROUND_OFF).all(axis=2)
+    number = np.select([upright[:, 0] & flat[:, 1], upright[:, 1] & flat[:, 0]], [1, 2])
+    side = number * np.sign(d[np.arange(number.size), np.maximum(number, 1), axis])
+    elements = [side[group.node[a:b]] for a, b in pairwise(group.first)]
+    if not all(each.all() and np.ptp(each) == 0.0 for each in elements):
+        return None
+    return np.abs([each[0] for each in elements]).astype(np.int64)[group.element]
+
+
+def in_plane_strains(shear: np.ndarray) -> np.ndarray:
+    """(g, 6) which strains do not vanish in a plane; ``shear`` (g,) are the numbers of shears."""
+    number, s = np.arange(6), shear[:, None]
+    kept: np.ndarray = (number == 0) | (number == s) | (number == 6 - s)
+    return kept
 
 
 def _is_zero(part: np.ndarray, vectors: np.ndarray) -> bool:
@@ -140,10 +194,25 @@ def _held(group: Coordinates, products: ProductsWorkspace, axis: int) -> np.ndar
     return held
 
 
-def stay_in_plane(system: System, axis: int) -> System:
-    """Return the system with every motion out of the plane across ``axis`` set to zero."""
+def stay_in_plane(system: System, start: SystemWorkspace, axis: int | None) -> System:
+    """Return the system with every motion out of the plane across ``axis`` set to zero, itself
+    without one; ``start`` prepared.
+    """
+    if axis is None:
+        return system
     moves = np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
-    return system._replace(frames=system.frames._replace(moves=moves))
+    system = system._replace(frames=system.frames._replace(moves=moves))
+    if system.beams is None:
+        return system
+    plane = plane_of_beams(system.beams, start.beams, axis)
+    return system._replace(beams=system.beams._replace(plane=plane))
+
+
+def in_space(system: System) -> System:
+    """Return the system with the equations of its beams in space."""
+    if system.beams is None:
+        return system
+    return system._replace(beams=system.beams._replace(plane=None))
 
 
 def drop_rows(system: System, held: np.ndarray) -> System:
@@ -220,7 +289,7 @@ def _subset(group: Products, used: np.ndarray) -> Products:
 
 
 def all_unknowns(system: System) -> np.ndarray:
-    """(f,) every flat unknown but the ground's six."""
+    """(f,) every flat unknown but the ground's six, and those that beams in a plane do not have."""
     return np.flatnonzero(_all(system))
 
 
@@ -240,21 +309,42 @@ def _all(system: System) -> np.ndarray:
     if system.beams:
         needed[first + system.beams.place] = True
         needed[first + system.beams.place + 1] = True
+        plane = system.beams.plane
+        if plane is not None:
+            needed &= _in_plane(system, int(plane.axes[2]), plane)
     return needed
 
 
 def needed_unknowns(system: System, start: SystemWorkspace, axis: int | None) -> np.ndarray:
     """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar system."""
-    frames, k = system.frames, int(system.coincide.a.size)
-    first = first_multiplier(frames)
     needed = _all(system)
-    needed[frames.displacement[frames.ballistic]] = False
+    needed[system.frames.displacement[system.frames.ballistic]] = False
     if axis is not None:
-        normal = np.arange(3) == axis
-        needed[frames.rotation] &= normal
-        needed[frames.displacement] &= ~normal
-        needed[first : first + k] &= ~normal
-        if system.scalar:
-            place = system.scalar.equations.place[symmetric_rows(system, start, axis)]
-            needed[first + place[:, 0], place[:, 1]] = False
+        needed &= in_plane(system, start, axis)
     return np.flatnonzero(needed)
+
+
+def in_plane(system: System, start: SystemWorkspace, axis: int) -> np.ndarray:
+    """(nodes, 3) which unknowns, and equations, a system has in the plane across ``axis``; the
+    others vanish by symmetry.
+    """
+    plane = system.beams and plane_of_beams(system.beams, start.beams, axis)
+    kept = _in_plane(system, axis, plane)
+    if system.scalar:
+        place = system.scalar.equations.place[symmetric_rows(system, start, axis)]
+        kept[first_multiplier(system.frames) + place[:, 0], place[:, 1]] = False
+    return kept
+
+
+def _in_plane(system: System, axis: int, plane: Plane | None) -> np.ndarray:
+    """(nodes, 3) likewise, with all scalar equations; ``plane`` is that of beams."""
+    frames, k = system.frames, int(system.coincide.a.size)
+    first, normal = first_multiplier(frames), np.arange(3) == axis
+    kept = np.ones((node_count(system), 3), dtype=bool)
+    kept[frames.rotation] = normal
+    kept[frames.displacement] = ~normal
+    kept[first : first + k] = ~normal
+    if system.beams and plane:
+        strains, place = in_plane_strains(plane.shear), first + system.beams.place
+        kept[place], kept[place + 1] = strains[:, :3], strains[:, 3:]
+    return kept

@@ -44,7 +44,7 @@ def choose(system: System, free: np.ndarray, nodes: np.ndarray | None = None) ->
         _, order = _ORDERS.get(id(pattern), lambda: (pattern, node_order(system)))
         return pattern, _chosen(system, free, order)
 
-    return _CHOSEN.get((id(pattern), free.tobytes()), chosen)[1]
+    return _CHOSEN.get((id(pattern), free.tobytes(), _by_panels(system)), chosen)[1]
 
 
 def _chosen(system: System, free: np.ndarray, nodes: np.ndarray | None) -> Unknowns:
@@ -55,7 +55,14 @@ def _chosen(system: System, free: np.ndarray, nodes: np.ndarray | None) -> Unkno
 def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None) -> Elimination:
     """Return the elimination of the ``free`` unknowns of a system; ``nodes`` as in ``choose``."""
     nodes = node_order(system) if nodes is None else nodes
-    return elimination.eliminate(pattern_of(system), free, nodes, system.beams is not None)
+    return elimination.eliminate(pattern_of(system), free, nodes, _by_panels(system))
+
+
+def _by_panels(system: System) -> bool:
+    """Whether factors are dense panels, as those of beams in space; in a plane these would have a
+    quarter of the entries, too few to be worth it.
+    """
+    return system.beams is not None and system.beams.plane is None
 
 
 def _dense_map(system: System, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -37,6 +37,7 @@ from msahl.analysis.equilibria.stability import is_stable
 from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
 from msahl.analysis.equilibria.static_newton import Rest, newton
 from msahl.analysis.linearised.coefficients import coefficients
+from msahl.analysis.linearised.plain_units import coordinate_numbers
 from msahl.analysis.linearised.point import Point, complete
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
@@ -186,7 +187,8 @@ def by_continuation(point: Point, spin: np.ndarray) -> Solution:
     """Return the equilibrium to which those under growing loads lead; raises ``StartError`` where
     they end.
     """
-    statics = Statics(point.system, point.state, Spin(spin, axis_point(point, spin)))
+    steady, reduced = Spin(spin, axis_point(point, spin)), bool(point.model.beams)
+    statics = Statics(point.system, point.state, steady, reduced and point.touching is None)
     rest = grown(statics, point.state)
     if not rest.converged:
         raise StartError("the loads cannot grow to their size")
@@ -205,11 +207,12 @@ def _ended(point: Point, statics: Statics, rest: Rest, method: str) -> Solution:
     state, now = with_rates(rest.state, spin), rest.balance
     state = state._replace(reaction=statics.reactions(state))
     where = int(np.argmax(np.abs(now.force)))
+    worst = now.layout.coordinate[where]
     left = Equilibrium(
         axes=spin.rate,
         residual=float(abs(now.force[where])),
         relative=now.relative,
-        coordinate=where,
+        coordinate=int(np.searchsorted(coordinate_numbers(point.system), worst)),
         constant=True,
         at_rest=not spin.rate.any(),
     )

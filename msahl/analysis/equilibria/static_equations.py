@@ -31,6 +31,7 @@ from msahl.formulations.absolute.frames import first_multiplier
 from msahl.jit.by_size import by_size
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, new_system_workspace, node_count
+from msahl.system.reductions import in_plane, plane_normal
 
 
 class Spin(NamedTuple):
@@ -70,10 +71,16 @@ def with_rates(state: State, spin: Spin = REST) -> State:
 
 
 class Statics:
-    """Evaluates the equations of a system at rest, or in a steady rotation."""
+    """Evaluates the equations of a system at rest, or in a steady rotation.
 
-    def __init__(self, system: System, state: State, spin: Spin = REST) -> None:
-        self.spin, self.layout = spin, layout_of(system)
+    With ``reduced``, those of a planar system are the ones in its plane (``system.reductions``).
+    Its stability is not that of these: it may buckle out of the plane.
+    """
+
+    def __init__(
+        self, system: System, state: State, spin: Spin = REST, reduced: bool = False
+    ) -> None:
+        self.spin = spin
         self.system, self._scaled = _own_loads(system)
         self._first = first_multiplier(system.frames)
         self._state = State(*(np.array(part) for part in state))
@@ -91,9 +98,16 @@ class Statics:
             (1.0 / system.bodies.inverse_mass).max(initial=0.0)
             * np.linalg.norm(system.bodies.gravity)
         )
+        self.layout = layout_of(system, self._in_plane(state) if reduced else None)
         # The state, factor and forces of the last evaluation.
         self._last: tuple[State, float, np.ndarray] | None = None
         self._heaviest = max(self._weight, float(np.abs(self.loads(state)).max(initial=0.0)))
+
+    def _in_plane(self, state: State) -> np.ndarray | None:
+        """(nodes, 3) the unknowns in the plane of a planar system, else None."""
+        self._evaluate(state, 1.0)
+        axis = plane_normal(self.system, self._start)
+        return None if axis is None else in_plane(self.system, self._start, axis)
 
     def loads(self, state: State) -> np.ndarray:
         """(n,) gravity and concentrated loads of the deck in the configuration of ``state`` [N]."""

@@ -56,14 +56,20 @@ class Layout(NamedTuple):
     pattern: Pattern  # of the complete matrix
 
 
-def layout_of(system: System) -> Layout:
-    """Return where the numbers of the equations of a ``system`` stand."""
+def layout_of(system: System, kept: np.ndarray | None = None) -> Layout:
+    """Return where the numbers of the equations of a ``system`` stand, of all or of those unknowns
+    that are ``kept`` (nodes, 3).
+    """
     first = first_multiplier(system.frames)
     coordinate, equation = coordinate_numbers(system), multiplier_numbers(system)
+    soft = _compliance(system, equation.size)
+    if kept is not None:
+        coordinate = coordinate[kept.reshape(-1)[coordinate]]
+        soft = _of_some(soft, kept.reshape(-1)[equation])
+        equation = equation[kept.reshape(-1)[equation]]
     force, length = (scale[coordinate] for scale in scales(system))
     by_equation = 1.0 / equation_scale(system).reshape(-1)[equation - 3 * first]
     K, G = _entries(system, coordinate, equation)
-    soft = _compliance(system, equation.size)
     own = np.zeros(equation.size)
     diagonal = soft[0] == soft[1]
     own[soft[0][diagonal]] = soft[2][diagonal]
@@ -120,6 +126,13 @@ def _compliance(system: System, equations: int) -> Entries:
     )
     kept = values != 0.0
     return rows[kept], columns[kept], values[kept]
+
+
+def _of_some(entries: Entries, kept: np.ndarray) -> Entries:
+    """Return those of the ``entries`` whose rows and columns are ``kept`` (c,), numbered anew."""
+    row, column, values = entries
+    number, both = np.cumsum(kept) - 1, kept[row] & kept[column]
+    return number[row[both]], number[column[both]], values[both]
 
 
 def _groups(system: System, coordinate: np.ndarray, equation: np.ndarray) -> tuple[np.ndarray, ...]:

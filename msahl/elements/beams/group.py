@@ -18,6 +18,16 @@ U_BY_Q, Q_BY_U, Q_BY_Q = range(3)
 """Blocks of two nodes of an element."""
 
 
+class Plane(NamedTuple):
+    """The plane of beams, and what their strains are in it."""
+
+    axes: np.ndarray  # (3,) inertial axes i, j in the plane and k along its normal, cyclic
+    shear: np.ndarray  # (g,) number of the strain Gamma_s: 1 or 2
+    bend: np.ndarray  # (g,) number of the strain kappa_n: 5 or 4
+    shear_sign: np.ndarray  # (g,) c
+    bend_sign: np.ndarray  # (g,) b
+
+
 class Beams(NamedTuple):
     """All beams: nodes, elements, Gauss points."""
 
@@ -42,6 +52,7 @@ class Beams(NamedTuple):
     compliance_block: np.ndarray  # (g, 2, 2) of the multipliers' own
     beam: np.ndarray  # (g,) number of the beam
     column: np.ndarray  # (b,) of the table of work, of each beam; -1 without damping
+    plane: Plane | None  # in which all of them stay, if there is one
 
 
 class BeamsWorkspace(NamedTuple):

@@ -16,8 +16,11 @@ strain at the start.
 import numpy as np
 
 from msahl.algebra.vector import Matrix, Vector, add, combine, cross, multiple, scale
+from msahl.elements.beams import plane_midpoint
 from msahl.elements.beams.group import COMPONENTS, Beams, BeamsWorkspace
+from msahl.elements.beams.plane import either
 from msahl.elements.beams.rows import ALL, add_equations, multipliers, own_compliance, row_scale
+from msahl.elements.beams.step_scales import AT_ONCE, divisor, strain_share
 from msahl.elements.beams.stiffness import add_loads, add_stiffness, collect
 from msahl.elements.beams.strain import (
     changes,
@@ -33,25 +36,9 @@ from msahl.formulations.absolute.equations import push
 from msahl.formulations.absolute.frames import Frames, first_multiplier
 from msahl.jit.kernel import kernel, optional
 
-AT_ONCE = 1e-150
-"""A dt2 [s^2] below this is no step: the equations are those of one configuration."""
-
 
 @kernel
-def strain_share(group: Beams, g: int, i: int, h: float, decay: float) -> float:
-    """Return the derivative of an elastic equation ``i``, over w J, by the change of its strain."""
-    return 0.5 + group.damping[g, i] / h + decay
-
-
-@kernel
-def divisor(group: Beams, g: int, i: int, step: tuple[float, float, float]) -> float:
-    """Return what an elastic equation ``i``, times dt2, is divided by [s^2]."""
-    h, dt2, decay = step
-    return 2.0 * dt2 * strain_share(group, g, i, h, decay) + own_compliance(group, g, i, i)
-
-
-@optional()
-def residual(
+def _residual(
     group: Beams,
     start: BeamsWorkspace,
     frames: Frames,
@@ -59,9 +46,6 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Subtract the mean forces from the frames' equations and set those of the strains; ``step`` is
-    (h, dt2, chi/2).
-    """
     dt2 = step[1]
     move(group, start, frames, Z)
     for g in range(group.element.size):
@@ -133,8 +117,8 @@ def _set_equations(
         F[node + i // 3, i % 3] = row
 
 
-@optional()
-def jacobian(
+@kernel
+def _jacobian(
     group: Beams,
     start: BeamsWorkspace,
     frames: Frames,
@@ -142,7 +126,6 @@ def jacobian(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of ``residual`` at ``Z``."""
     dt2 = step[1]
     move(group, start, frames, Z)
     set_tangents(group, start, frames, Z)
@@ -183,6 +166,38 @@ def _add_compliance(
             for j in range(COMPONENTS):
                 place = group.compliance_block[g, i // 3, j // 3] + 3 * (i % 3) + j % 3
                 values[place] += own_compliance(group, g, i, j) / own
+
+
+_residual_of = either(__name__, "_residual_of", _residual, plane_midpoint.residual)
+_jacobian_of = either(__name__, "_jacobian_of", _jacobian, plane_midpoint.jacobian)
+
+
+@optional()
+def residual(
+    group: Beams,
+    start: BeamsWorkspace,
+    frames: Frames,
+    step: tuple[float, float, float],
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Subtract the mean forces from the frames' equations and set those of the strains; ``step`` is
+    (h, dt2, chi/2).
+    """
+    _residual_of(group.plane, group, start, frames, step, Z, F)
+
+
+@optional()
+def jacobian(
+    group: Beams,
+    start: BeamsWorkspace,
+    frames: Frames,
+    step: tuple[float, float, float],
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of ``residual`` at ``Z``."""
+    _jacobian_of(group.plane, group, start, frames, step, Z, values)
 
 
 @optional()

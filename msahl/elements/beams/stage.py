@@ -12,6 +12,7 @@ import numpy as np
 
 from msahl.algebra.rotation import to_increment
 from msahl.algebra.vector import Matrix, Vector, add, at, cross, matrix_at, product, put, scale
+from msahl.elements.beams import plane, plane_stage
 from msahl.elements.beams.group import (
     BEND_Q,
     COMPONENTS,
@@ -22,6 +23,7 @@ from msahl.elements.beams.group import (
 )
 from msahl.elements.beams.instant import motion_at, point_at, strain_rates
 from msahl.elements.beams.midpoint import node_load
+from msahl.elements.beams.plane import either
 from msahl.elements.beams.rows import (
     ELASTIC,
     RIGID,
@@ -32,6 +34,7 @@ from msahl.elements.beams.rows import (
     own_compliance,
     row_scale,
 )
+from msahl.elements.beams.step_scales import stage_divisor
 from msahl.elements.beams.stiffness import add_loads, add_stiffness, collect
 from msahl.elements.beams.strain import (
     changes,
@@ -56,6 +59,19 @@ from msahl.formulations.absolute.frames import (
 from msahl.jit.kernel import kernel, optional
 
 
+@kernel
+def _set_changes(
+    group: Beams, begin: BeamsWorkspace, frames: Frames, increments: np.ndarray
+) -> None:
+    """Set the changes of the strains by the displacements and rotation ``increments``."""
+    move(group, begin, frames, increments)
+    for g in range(group.element.size):
+        set_change(begin, g, changes(group, begin, g))
+
+
+set_changes = either(__name__, "set_changes", _set_changes, plane.set_changes)
+
+
 @optional()
 def set_strains(
     group: Beams,
@@ -67,9 +83,8 @@ def set_strains(
     """Set ``strain`` (g, 6) to that after the ``increments`` (nodes, 3) u and l Q since the start
     of the step, whose workspace is ``begin``.
     """
-    move(group, begin, frames, increments)
+    set_changes(group.plane, group, begin, frames, increments)
     for g in range(group.element.size):
-        set_change(begin, g, changes(group, begin, g))
         for i in range(COMPONENTS):
             strain[g, i] = begin.strain[g, i] + begin.change[g, i]
 
@@ -91,9 +106,8 @@ def accept(
         u = displacement_node(frames, f)
         put(increments, u, at(Z, u))
         put_rotation(frames, increments, f, to_increment(rotation_increment(frames, Z, f)))
-    move(group, begin, frames, increments)
+    set_changes(group.plane, group, begin, frames, increments)
     for g in range(group.element.size):
-        set_change(begin, g, changes(group, begin, g))
         for i in range(COMPONENTS):
             strain[g, i] += begin.change[g, i]
 
@@ -125,7 +139,6 @@ def set_multipliers(
 def _add_forces(
     group: Beams, node: BeamsWorkspace, frames: Frames, which: int, Z: np.ndarray, F: np.ndarray
 ) -> None:
-    """Add the forces of the multipliers ``which``, by mass in ``Z``, to the accelerations ``F``."""
     for g in range(group.element.size):
         n, m = multipliers(group, frames, Z, g)
         n, m = chosen(group, g, 0, which, n), chosen(group, g, 3, which, m)
@@ -136,12 +149,16 @@ def _add_forces(
             push(frames, 1.0, F, group.frame[group.node[first + a]], force, moment)
 
 
+_forces = either(__name__, "_forces", _add_forces, plane_stage.add_forces)
+"""Adds the forces of the multipliers ``which``, by mass in ``Z``, to the accelerations ``F``."""
+
+
 @optional()
 def add_rigid_forces(
     group: Beams, node: BeamsWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Add the forces of rigid strains, multipliers by mass in ``Z``, to the accelerations ``F``."""
-    _add_forces(group, node, frames, RIGID, Z, F)
+    _forces(group.plane, group, node, frames, RIGID, Z, F)
 
 
 @optional()
@@ -149,7 +166,7 @@ def add_elastic_forces(
     group: Beams, node: BeamsWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Add the forces of elastic strains, as ``add_rigid_forces``."""
-    _add_forces(group, node, frames, ELASTIC, Z, F)
+    _forces(group.plane, group, node, frames, ELASTIC, Z, F)
 
 
 @optional()
@@ -163,9 +180,32 @@ def set_violations(group: Beams, node: BeamsWorkspace, frames: Frames, F: np.nda
 
 
 @kernel
-def divisor(group: Beams, g: int, i: int, h: float) -> float:
-    """Return what the equation of elastic strain ``i`` is divided by, as in ``midpoint``."""
-    return h * (0.5 * h + group.damping[g, i]) + own_compliance(group, g, i, i)
+def _set_elastic_equations(
+    group: Beams,
+    node: BeamsWorkspace,
+    frames: Frames,
+    motion: FramesWorkspace,
+    h: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    dt2 = 0.5 * h * h
+    for g in range(group.element.size):
+        place = first_multiplier(frames) + group.place[g]
+        rate = strain_rates(point_at(node, g), motion_at(group, node, motion.v, motion.W, g)[0])
+        for i in range(COMPONENTS):
+            if group.rigid[g, i]:
+                continue
+            strain = node.strain[g, i] + group.damping[g, i] * rate[i // 3][i % 3]
+            row = dt2 * row_scale(group, g, i) * strain
+            for j in range(COMPONENTS):
+                row += own_compliance(group, g, i, j) * Z[place + j // 3, j % 3]
+            F[place + i // 3, i % 3] = row / stage_divisor(group, g, i, h)
+
+
+_elastic_equations = either(
+    __name__, "_elastic_equations", _set_elastic_equations, plane_stage.set_elastic_equations
+)
 
 
 @optional()
@@ -179,27 +219,13 @@ def set_elastic_equations(
     F: np.ndarray,
 ) -> None:
     """Set the equations of elastic strains at c_i; ``Z`` are the unknowns of that stage."""
-    dt2 = 0.5 * h * h
-    for g in range(group.element.size):
-        place = first_multiplier(frames) + group.place[g]
-        rate = strain_rates(point_at(node, g), motion_at(group, node, motion.v, motion.W, g)[0])
-        for i in range(COMPONENTS):
-            if group.rigid[g, i]:
-                continue
-            strain = node.strain[g, i] + group.damping[g, i] * rate[i // 3][i % 3]
-            row = dt2 * row_scale(group, g, i) * strain
-            for j in range(COMPONENTS):
-                row += own_compliance(group, g, i, j) * Z[place + j // 3, j % 3]
-            F[place + i // 3, i % 3] = row / divisor(group, g, i, h)
+    _elastic_equations(group.plane, group, node, frames, motion, h, Z, F)
 
 
-@optional()
-def add_rigid_derivatives(
+@kernel
+def _add_rigid_derivatives(
     group: Beams, node: BeamsWorkspace, frames: Frames, Z: np.ndarray, values: np.ndarray
 ) -> None:
-    """Add the derivatives at one configuration: of ``add_rigid_forces`` by places and multipliers
-    by mass, and of the equations of rigid strains by places.
-    """
     set_tangents(group, node, frames, Z)
     for g in range(group.element.size):
         here = point_at(node, g)
@@ -209,6 +235,21 @@ def add_rigid_derivatives(
             node.factor[g, i] = row_scale(group, g, i) if rigid else 0.0
         add_equations(group, node, g, here, values)
     add_stiffness(group, node, frames, 1.0, 1.0, values)
+
+
+_rigid_derivatives = either(
+    __name__, "_rigid_derivatives", _add_rigid_derivatives, plane_stage.add_rigid_derivatives
+)
+
+
+@optional()
+def add_rigid_derivatives(
+    group: Beams, node: BeamsWorkspace, frames: Frames, Z: np.ndarray, values: np.ndarray
+) -> None:
+    """Add the derivatives at one configuration: of ``add_rigid_forces`` by places and multipliers
+    by mass, and of the equations of rigid strains by places.
+    """
+    _rigid_derivatives(group.plane, group, node, frames, Z, values)
 
 
 @kernel
@@ -231,6 +272,43 @@ def _add_force_derivatives(
     collect(group, node, g, lam, here)
 
 
+@kernel
+def _add_elastic_derivatives(
+    group: Beams,
+    node: BeamsWorkspace,
+    frames: Frames,
+    motion: FramesWorkspace,
+    h: float,
+    Z: np.ndarray,
+    out: tuple[np.ndarray, np.ndarray],
+) -> None:
+    by_place, by_rate = out
+    set_tangents(group, node, frames, Z)
+    for g in range(group.element.size):
+        here = point_at(node, g)
+        _add_force_derivatives(group, node, frames, g, ELASTIC, Z, by_place)
+        damped = False
+        for i in range(COMPONENTS):
+            c = 0.0
+            if not group.rigid[g, i]:
+                c = 0.5 * h * row_scale(group, g, i) / stage_divisor(group, g, i, h)
+            node.factor[g, i] = c
+            damped = damped or group.damping[g, i] * c > 0.0
+        add_equations(group, node, g, here, by_place)
+        if damped:
+            for i in range(COMPONENTS):
+                node.factor[g, i] *= group.damping[g, i]
+            add_equations(group, node, g, here, by_rate)
+            add_rate_slopes(group, node, motion, g, by_place)
+        _add_compliance(group, g, h, by_place)
+    add_stiffness(group, node, frames, 1.0, 1.0, by_place)
+
+
+_elastic_derivatives = either(
+    __name__, "_elastic_derivatives", _add_elastic_derivatives, plane_stage.add_elastic_derivatives
+)
+
+
 @optional()
 def add_elastic_derivatives(
     group: Beams,
@@ -245,26 +323,7 @@ def add_elastic_derivatives(
     equations of elastic strains over h by places and by rates, and by their own multipliers, to
     ``out``: by places and by rates.
     """
-    by_place, by_rate = out
-    set_tangents(group, node, frames, Z)
-    for g in range(group.element.size):
-        here = point_at(node, g)
-        _add_force_derivatives(group, node, frames, g, ELASTIC, Z, by_place)
-        damped = False
-        for i in range(COMPONENTS):
-            c = 0.0
-            if not group.rigid[g, i]:
-                c = 0.5 * h * row_scale(group, g, i) / divisor(group, g, i, h)
-            node.factor[g, i] = c
-            damped = damped or group.damping[g, i] * c > 0.0
-        add_equations(group, node, g, here, by_place)
-        if damped:
-            for i in range(COMPONENTS):
-                node.factor[g, i] *= group.damping[g, i]
-            add_equations(group, node, g, here, by_rate)
-            add_rate_slopes(group, node, motion, g, by_place)
-        _add_compliance(group, g, h, by_place)
-    add_stiffness(group, node, frames, 1.0, 1.0, by_place)
+    _elastic_derivatives(group.plane, group, node, frames, motion, h, Z, out)
 
 
 @kernel
@@ -274,7 +333,7 @@ def _add_compliance(group: Beams, g: int, h: float, values: np.ndarray) -> None:
         if not group.rigid[g, i]:
             for j in range(COMPONENTS):
                 place = group.compliance_block[g, i // 3, j // 3] + 3 * (i % 3) + j % 3
-                values[place] += own_compliance(group, g, i, j) / divisor(group, g, i, h)
+                values[place] += own_compliance(group, g, i, j) / stage_divisor(group, g, i, h)
 
 
 @kernel
