@@ -135,6 +135,7 @@ class Figures:
     horizon: Callable[[float], float] | None  # time [s] up to which the error is within so many m
     jumping: Sequence[str] = ()  # what has expressions that may jump by reactions
     energy_gained: float = 0.0  # by impacts
+    explicit: bool = False  # whether steps solve for nothing, and energy drifts
     speed_jumps: Sequence[str] = ()  # motions whose speed jumps, and when
 
     @property
@@ -207,6 +208,8 @@ def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
             f", in the second half of the run {lost:.1e} at half the step as well: the energies or "
             "works are not those of the motion; try --scheme preserving, whose balance shows it"
         )
+    if word != PASS and figures.explicit:
+        more += ", as explicit steps do not conserve it: reduce --dt, or try --scheme gauss3"
     of_rows, text_of_rows = _energy_between_steps(figures, limits)
     word = max(word, of_rows, key=WORDS.index)
     yield Finding("energy", word, f"{text}{more}{text_of_rows}")
@@ -302,7 +305,8 @@ def _constraint_work(figures: Figures, limits: Limits) -> Iterator[Finding]:
 
 
 def _solver(figures: Figures, limits: Limits) -> Iterator[Finding]:
-    text = f"{figures.iterations / max(figures.steps, 1):.1f} iterations per step"
+    counted = "evaluations" if figures.explicit else "iterations"
+    text = f"{figures.iterations / max(figures.steps, 1):.1f} {counted} per step"
     if figures.scipy_steps:
         text += f", {figures.scipy_steps} steps by scipy"
     hard = []

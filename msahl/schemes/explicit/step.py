@@ -6,11 +6,11 @@ and their rates u; the elements state their loads there, and the accelerations a
     M du/dt = f + G^T lam ,    G du/dt = r - dG/dt u
 
 with the forces f of ``inverse_dynamics``. Where loops are closed, the multipliers lam of the cut
-equations make their second derivatives vanish, G is as in ``collocation.tree.loops``. What errors of
-the step leave in the equations themselves and in their rates is taken out at its end, by the least
-changes of the coordinates and of their rates, weighted by mass. The order is kept, as both changes
-are of the size of the step's own error. Nothing is solved for, so a step is neither symplectic nor
-symmetric, and the energy drifts.
+equations, with G as in ``collocation.tree.loops``, make their second derivatives vanish. What the
+step's error leaves of the equations themselves and of their rates is taken out at its end, by the
+least changes of the coordinates and of the rates, weighted by mass. The order is kept, as these
+changes are of the size of that error. The step is neither symplectic nor symmetric, so the energy
+drifts.
 
 Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), section VII.2, for
 the projection of index-1 problems.
@@ -231,7 +231,9 @@ def close_accelerations(
 
 @kernel
 def centripetal(loops: LoopStages, tree: TreeStages, r: int) -> float:
-    """What the accelerations of bodies at constant rates of the coordinates do to equation ``r``."""
+    """Second derivative of the equation ``r`` by the accelerations that the bodies have at constant
+    rates of the coordinates.
+    """
     motion, total = tree.motion, 0.0
     for piece in range(PIECES):
         b, row = loops.cut.piece[r, piece], 6 * (PIECES * r + piece)

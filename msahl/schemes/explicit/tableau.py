@@ -1,6 +1,6 @@
 """Coefficients of the explicit Runge-Kutta schemes of order 4 and 8.
 
-    q_i = q_0 + h sum_j a_ij q'_j ,  j < i ,   at the time  t_0 + c_i h ;   q_1 = q_0 + h sum_i b_i q'_i
+    y_i = y_0 + h sum_j a_ij dy/dt_j ,  j < i ,  at t_0 + c_i h ;    y_1 = y_0 + h sum_i b_i dy/dt_i
 
 Source: W. Kutta, Beitrag zur naeherungsweisen Integration totaler Differentialgleichungen, Z.
 Math. Phys. 46 (1901), for order 4; G. J. Cooper, J. H. Verner, Some explicit Runge-Kutta methods
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 R = math.sqrt(21.0)
-ROWS = {
+ROWS: dict[str, list[list[float]]] = {
     "rk4": [[], [1 / 2], [0, 1 / 2], [0, 0, 1], [1 / 6, 1 / 3, 1 / 3, 1 / 6]],
     "rk8": [
         [],
