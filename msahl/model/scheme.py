@@ -82,12 +82,10 @@ def choices() -> tuple[str, ...]:
     return (*ORDER_TWO, *collocation, *EXPLICIT, AUTO)
 
 
-def order_of(word: str) -> int | None:
-    """Order of one of the ``choices`` with a given step size; None for ``AUTO``."""
+def order_of(word: str) -> int:
+    """Order of one of the ``choices`` but ``AUTO``."""
     name, degree = split(word)
-    if name in COLLOCATION and degree:
-        return COLLOCATION[name].order(degree)
-    return EXPLICIT.get(name, 2 if name in ORDER_TWO else None)
+    return COLLOCATION[name].order(degree) if degree else EXPLICIT.get(name, 2)
 
 
 def split(word: str) -> tuple[str, int | None]:

@@ -375,7 +375,7 @@ def _urgency(seconds: float, scheme: str) -> tuple[int, int]:
     """Return the sort key of waiting runs: fast runs first, and of about equally fast ones those of
     high order, because a few of their runs cover the range of errors.
     """
-    order = order_of(scheme) or COLLOCATION[AUTO_FAMILY].order(DEGREE)
+    order = COLLOCATION[AUTO_FAMILY].order(DEGREE) if scheme == AUTO else order_of(scheme)
     return math.floor(2.0 * math.log10(seconds)), -order
 
 
