@@ -34,7 +34,12 @@ from msahl.ports import concentrated
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import new_tableau
 from msahl.schemes.collocation.tree import loops as tree_loops
-from msahl.schemes.collocation.tree.loads import set_accelerations, set_node, take_loads
+from msahl.schemes.collocation.tree.loads import (
+    body_motion,
+    set_accelerations,
+    set_node,
+    take_loads,
+)
 from msahl.schemes.collocation.tree.loop_end import impose, set_equations, set_law_rates
 from msahl.schemes.collocation.tree.loop_stages import LoopStages
 from msahl.schemes.collocation.tree.stages import TreeStages, new_tree_stages
@@ -213,12 +218,14 @@ def close_accelerations(
     dt = h * stages.tableau.force_time[0]
     t, F = workspace.state.time[0] + dt, stages.accelerations
     first = first_multiplier(workspace.system.frames)
-    if tree.tree.bare:
-        set_node(tree, workspace, stages, h, 0)
     for k in range(motion.rate.size):
         store(loops.rest, k, load(motion.y, k))
     set_equations(loops, tree.tree, motion, workspace, stages, dt)
     frames = node.start.frames
+    for c in range(cut.body.size):
+        _, _, v, W = body_motion(tree, cut.body[c], 0)
+        put(frames.v, cut.frame[c], v)
+        put(frames.W, cut.frame[c], W)
     coincide.free_acceleration(cut.coincide, loops.node.coincide, frames.W, F)
     scalar.rates(cut.scalar, loops.node.scalar, workspace.system.frames, frames, loops.still)
     given = workspace.system.frames, frames.v, frames.W, t, F
