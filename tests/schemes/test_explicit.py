@@ -75,8 +75,8 @@ STEPS = {
     "robot": {"rk4": (0.04, 3), "rk8": (0.08, 3)},
     "double_pendulum_89": {"rk4": (0.08, 3), "rk8": (0.16, 2)},
 }
-"""Largest step [s], and how often it is halved. The robot's motion begins fast, where the output
-times fall into other parts of each step, so the slope of a single halving is up to 5.8, by gauss2
+"""Largest step [s], and how often it is divided by two. The robot's motion begins fast, where the output
+times fall into other parts of each step, so the slope from one step to its half is up to 5.8, by gauss2
 as well."""
 
 
@@ -88,13 +88,13 @@ def test_rows_have_the_order_of_the_scheme(name, scheme):
     between = replace(model.simulation, output_interval=0.8 / 29.0, t_final=0.8)
     model = replace(model, simulation=between)
     exact = simulate(model, scheme="gauss5", dt=0.01)
-    dt, halvings = STEPS[name][scheme]
+    dt, times = STEPS[name][scheme]
     errors = []
-    for size in (dt, dt / 2**halvings):
+    for size in (dt, dt / 2**times):
         found = simulate(model, scheme=scheme, dt=size)
         pairs = (found.states, exact.states), (found.reactions, exact.reactions)
         errors.append([np.abs(mine - its).max() for mine, its in pairs])
-    slopes = np.log2(np.array(errors[0]) / errors[1]) / halvings
+    slopes = np.log2(np.array(errors[0]) / errors[1]) / times
     # Half an order: the next term of the error.
     np.testing.assert_allclose(slopes, EXPLICIT[scheme], atol=0.5)
 
