@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks import ours
-from benchmarks.curves import LARGEST_ORDER, Code, Curve, Point, knob, order_of
+from benchmarks.curves import LARGEST_ORDER, Code, Curve, Point, knob
 from benchmarks.mechanisms.peers import PEERS
 from benchmarks.precision_asked import Found
 from benchmarks.problems import Problem
 from benchmarks.reference import Known
+from msahl.model.scheme import order_of
 
 HEADS = {
     "errors": ("code", "rung", "step [s] or accuracy", "position error [m]", "steps",

@@ -75,9 +75,9 @@ STEPS = {
     "robot": {"rk4": (0.04, 3), "rk8": (0.08, 3)},
     "double_pendulum_89": {"rk4": (0.08, 3), "rk8": (0.16, 2)},
 }
-"""Largest step [s], and how often it is divided by two. The robot's motion begins fast, where the output
-times fall into other parts of each step, so the slope from one step to its half is up to 5.8, by gauss2
-as well."""
+"""Largest step [s], and how often it is divided by two. The robot's motion begins fast, where the
+output times fall into other parts of each step, so the slope from one step to its half is up to
+5.8, by gauss2 as well."""
 
 
 @pytest.mark.parametrize("scheme", EXPLICIT)
