@@ -28,7 +28,7 @@ HEADS = {
     "seconds": ("code", "rung", "loop, samples [s]"),
 }  # fmt: skip
 REFERENCE = "reference"
-SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3")
+SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3", "rk4", "rk8")
 """Of msahl, beside the one that takes a tolerance."""
 LARGE, FEWER = 50, ("gauss2", "gauss3")
 """From so many bodies on msahl is measured by fewer schemes: each run prepares for long."""

@@ -334,11 +334,7 @@ def _new_stepper(
         modes.held.contacts if modes else None, switching.conditions if switching else None
     )
     if settings.explicit and formulation.tree is not None:
-        from msahl.schemes.explicit.stepper import ExplicitMethod
-
-        tree_and_cut = formulation.tree, formulation.cut
-        explicit = ExplicitMethod(workspace, settings.family, tree_and_cut, span, storage)
-        return FixedStepper(explicit, "newton")
+        return _new_explicit_stepper(workspace, settings.family, formulation, span, storage)
     if not settings.degree:
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
@@ -371,6 +367,17 @@ def _new_stepper(
         return FixedStepper(method, solver, contacts)
     control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
     return AdaptiveStepper(method, degrees, control, contacts)
+
+
+def _new_explicit_stepper(
+    workspace: Workspace, scheme: str, formulation: Formulation, span: Span, storage: Storage
+) -> Stepper:
+    """The stepper of an explicit scheme; a step that fails has no other solver."""
+    from msahl.schemes.explicit.stepper import ExplicitMethod
+
+    assert formulation.tree is not None
+    given = formulation.tree, formulation.cut
+    return FixedStepper(ExplicitMethod(workspace, scheme, given, span, storage), "newton")
 
 
 def _new_modes(model: Model, workspace: Workspace) -> "ContactModes | None":

@@ -6,6 +6,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 from msahl.model.scheme import EXPLICIT
 from msahl.run.explain import explain
@@ -166,6 +167,14 @@ def energy(run):
         total += 0.5 * np.einsum("ij,ti,tj->t", np.array(body.inertia), w, w)
         total -= body.mass * (run.of("position", b) + R @ body.r_BG) @ run.model.gravity
     return total
+
+
+def test_a_rod_is_back_after_ten_periods():
+    run = simulate(deck("explicit_steps"))
+    assert run.time[-1] == pytest.approx(40.0 * ellipk(0.5) / math.sqrt(1.5 * 9.81), rel=1e-14)
+    # 1e-10 m and rad/s: 20 times the error that is estimated.
+    assert np.abs(run.of("position")[-1] - (-0.5, 0.0, 0.0)).max() < 1e-10
+    assert np.abs(run.of("spin")[-1]).max() < 1e-9
 
 
 @pytest.mark.parametrize("scheme", EXPLICIT)
