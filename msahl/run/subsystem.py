@@ -348,8 +348,7 @@ def _new_stepper(
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
-    tolerance, degrees = settings.local_tolerance, settings.degrees
-    tree = formulation.tree
+    tolerance, degrees, tree = settings.local_tolerance, settings.degrees, formulation.tree
     rest = span, storage, None if tree is None else (tree, formulation.cut)
     if formulation.tree is not None:
         degrees = tuple(degree for degree in degrees if degree <= LANES)
