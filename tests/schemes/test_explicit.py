@@ -190,14 +190,15 @@ def test_the_verdict_says_that_the_energy_drifts(scheme):
 
 
 @pytest.mark.parametrize("scheme", EXPLICIT)
-def test_a_stop_is_found_as_by_gauss(scheme):
-    """In a model with a force that begins within the motion."""
-    model = deck("spring_table")
-    wanted, found = (
-        simulate(model, scheme=one, dt=dt, t_final=0.8)
-        for one, dt in (("gauss5", 2e-3), (scheme, 2e-3))
-    )
-    assert np.abs(found.states - wanted.states).max() < 1e-6
+def test_a_condition_ends_the_run_when_it_does_by_gauss(scheme):
+    model = deck("stop")
+    dt = {"rk4": 0.005, "rk8": 0.02}[scheme]
+    wanted, found = simulate(model, scheme="gauss5", dt=0.01), simulate(model, scheme=scheme, dt=dt)
+    assert found.report.status == wanted.report.status
+    assert found.time[-1] < model.simulation.t_final
+    # 1e-8 s: the error of the steps of rk4.
+    assert found.time[-1] == pytest.approx(wanted.time[-1], abs=1e-8)
+    assert np.abs(found.states[-1] - wanted.states[-1]).max() < 1e-6
 
 
 def test_explain_names_the_scheme_and_the_coordinates():
