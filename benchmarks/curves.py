@@ -19,7 +19,7 @@ from benchmarks import equivalent, ours
 from benchmarks.motion import Motion
 from benchmarks.peers import PEERS
 from benchmarks.problems import Problem
-from msahl.model.scheme import split
+from msahl.model.scheme import order_of
 
 LARGEST_ORDER = 10
 """Of our schemes."""
@@ -147,12 +147,6 @@ def _that_can(code: Code, problem: Problem) -> Code:
     if problem.bodies < equivalent.FROM or code.name not in equivalent.TABLEAUS:
         return code
     return code._replace(module=equivalent, estimated=True)
-
-
-def order_of(scheme: str) -> int:
-    """Order of one of our schemes."""
-    name, degree = split(scheme)
-    return {"gauss": 2 * (degree or 1), "radau": 2 * (degree or 1) - 1}.get(name, 2)
 
 
 def per_interval(rung: int) -> int:

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 from benchmarks import ours
 from benchmarks.contact.peers import PEERS
-from benchmarks.curves import LARGEST_ORDER, Code, order_of
+from benchmarks.curves import LARGEST_ORDER, Code
 from benchmarks.mechanisms.store import Kept, Refused, codes_of
 from benchmarks.problems import Problem
+from msahl.model.scheme import order_of
 
 SCHEMES = ("preserving", "gauss2", "gauss3")
 """Of msahl, beside the one that takes a tolerance."""

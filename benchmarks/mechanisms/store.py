@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks import ours
-from benchmarks.curves import LARGEST_ORDER, Code, Curve, Point, knob, order_of
+from benchmarks.curves import LARGEST_ORDER, Code, Curve, Point, knob
 from benchmarks.mechanisms.peers import PEERS
 from benchmarks.precision_asked import Found
 from benchmarks.problems import Problem
 from benchmarks.reference import Known
+from msahl.model.scheme import order_of
 
 HEADS = {
     "errors": ("code", "rung", "step [s] or accuracy", "position error [m]", "steps",
@@ -27,7 +28,7 @@ HEADS = {
     "seconds": ("code", "rung", "loop, samples [s]"),
 }  # fmt: skip
 REFERENCE = "reference"
-SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3")
+SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3", "rk4", "rk8")
 """Of msahl, beside the one that takes a tolerance."""
 LARGE, FEWER = 50, ("gauss2", "gauss3")
 """From so many bodies on msahl is measured by fewer schemes: each run prepares for long."""

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.model import INSTANTANEOUS, MEAN, Model, Simulation
 from msahl.model.contacts import IMPACT_LAWS
-from msahl.model.scheme import AUTO, CAYLEY, COLLOCATION, EXPONENTIAL, ORDER_TWO
+from msahl.model.scheme import AUTO, CAYLEY, COLLOCATION, EXPLICIT, EXPONENTIAL, ORDER_TWO
 from msahl.model.settings import ACCELERATIONS, JOINT_TABLES, STARTS
 
 MAX_STEPS = 10**9
@@ -53,7 +53,7 @@ def _known(part: str, word: str, known: Collection[str]) -> Iterator[Finding]:
 
 
 def _word_findings(simulation: Simulation) -> Iterator[Finding]:
-    yield from _known("scheme", simulation.scheme, (*ORDER_TWO, *COLLOCATION, AUTO))
+    yield from _known("scheme", simulation.scheme, (*ORDER_TWO, *COLLOCATION, *EXPLICIT, AUTO))
     yield from _known("rotationUpdate", simulation.rotation_update, (CAYLEY, EXPONENTIAL))
     yield from _known("impactLaw", simulation.impact_law, IMPACT_LAWS)
     yield from _known("reactions", simulation.reactions, (MEAN, INSTANTANEOUS))
@@ -89,7 +89,7 @@ def _tolerance_findings(simulation: Simulation) -> Iterator[Finding]:
             bounds = f"{SMALLEST:g} to {LARGEST:g} m; 1e-6 m is usual"
             message = f"it is {tolerance:g} m; it must be greater than zero, {bounds}"
             yield Finding(tag, message)
-        elif simulation.scheme in ORDER_TWO:
+        elif simulation.scheme in (*ORDER_TWO, *EXPLICIT):
             message = (
                 f"the {simulation.scheme} scheme takes the steps it is given; choose scheme {AUTO} "
                 "to have steps chosen by a tolerance, or omit the tolerance"

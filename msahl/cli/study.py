@@ -50,7 +50,7 @@ COMMAND_SECONDS = 1.6
               metavar="S", help="Study this step size in seconds; repeat for more (default: chosen "
               "so that the errors cover 1e-2 to 1e-10 where they can).")  # fmt: skip
 @click.option("--scheme", "schemes", type=click.Choice(choices()), multiple=True,
-              help="Study this scheme; repeat for more (default: all).")  # fmt: skip
+              help="Study this scheme; repeat for more (default: all but rk4, rk8).")  # fmt: skip
 @click.option("--budget", type=NumberType(min=1.0), default=10.0, show_default=True,
               metavar="S", help="Set the seconds that the study may compute where it chooses the "
               "step sizes: compiling is not counted, nor the time of other programs.")  # fmt: skip

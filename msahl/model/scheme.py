@@ -3,7 +3,8 @@
 The schemes of order 2 (``schemes.midpoint``) are one family with a damping: "preserving" conserves
 the energy, "decaying" takes energy from motions that are faster than the step. The collocation
 schemes (``schemes.collocation``) have the higher orders: gauss nearly conserves the energy, radau
-takes energy from fast motions.
+takes energy from fast motions. The explicit schemes (``schemes.explicit``) solve for nothing, and
+conserve nothing.
 """
 
 from collections.abc import Callable
@@ -62,6 +63,8 @@ class Collocation(NamedTuple):
 
 COLLOCATION = {"gauss": Collocation(5, decays=False), "radau": Collocation(3, decays=True)}
 """Collocation families by name: gauss has the order 2s, radau the order 2s - 1."""
+EXPLICIT = {"rk4": 4, "rk8": 8}
+"""Explicit Runge-Kutta schemes: name -> order."""
 DEGREE = 3
 """Default degree of a collocation scheme."""
 AUTO, AUTO_FAMILY = "auto", "gauss"
@@ -76,10 +79,16 @@ def choices() -> tuple[str, ...]:
     """Names of all schemes as the option ``--scheme`` takes them; gauss3 is gauss of degree 3."""
     families = COLLOCATION.items()
     collocation = (f"{name}{s}" for name, family in families for s in range(1, family.highest + 1))
-    return (*ORDER_TWO, *collocation, AUTO)
+    return (*ORDER_TWO, *collocation, *EXPLICIT, AUTO)
+
+
+def order_of(word: str) -> int:
+    """Order of one of the ``choices`` but ``AUTO``."""
+    name, degree = split(word)
+    return COLLOCATION[name].order(degree) if degree else EXPLICIT.get(name, 2)
 
 
 def split(word: str) -> tuple[str, int | None]:
     """Name and degree of one of the ``choices``; the degree is None for schemes without one."""
     name = word.rstrip("0123456789")
-    return name, int(word.removeprefix(name)) if name in COLLOCATION else None
+    return (name, int(word.removeprefix(name))) if name in COLLOCATION else (word, None)

@@ -14,6 +14,7 @@ from msahl.model.scheme import (
     DAMPING,
     DEFAULT,
     DEGREE,
+    EXPLICIT,
     EXPONENTIAL,
     ORDER_TWO,
     TOLERANCE,
@@ -107,8 +108,9 @@ class RunSettings:
     t_final: float  # [s]
     output_interval: float | None  # [s]; None: the step size
     scheme: str  # as asked for, so it may be "auto"
-    family: str  # of the steps taken: preserving, decaying, gauss or radau
-    degree: int  # of gauss and radau, the highest one if it is chosen; 0 for the others
+    family: str  # of the steps taken: preserving, decaying, gauss, radau, rk4 or rk8
+    degree: int  # of gauss and radau, the highest one if it is chosen; half the order of an
+    # explicit scheme, that of gauss with the same order; 0 for the schemes of order 2
     order: int  # of convergence of the states
     dissipative: bool  # whether the scheme takes energy from the model
     damping: float  # of the scheme "decaying", 0 for the others
@@ -132,6 +134,11 @@ class RunSettings:
         return self.local_tolerance is not None
 
     @property
+    def explicit(self) -> bool:
+        """Whether steps are explicit: nothing is solved for, and energy drifts."""
+        return self.family in EXPLICIT
+
+    @property
     def instantaneous(self) -> bool:
         """Whether reactions are those at the output times, not means over the steps before."""
         return self.reactions == INSTANTANEOUS
@@ -149,7 +156,10 @@ def resolve(simulation: Simulation, options: Options = Options()) -> RunSettings
     degree = 0
     if collocation:
         degree = collocation.highest if simulation.scheme == AUTO else simulation.degree
-    decay = decaying(0.0) if collocation else ORDER_TWO[family](simulation.damping)
+    explicit = EXPLICIT.get(family)
+    if explicit:
+        degree = explicit // 2
+    decay = ORDER_TWO[family](simulation.damping) if degree == 0 else decaying(0.0)
     tolerance = _global_tolerance(simulation) if collocation else None
     local = simulation.local_tolerance or tolerance if collocation else None
     return RunSettings(
@@ -159,12 +169,12 @@ def resolve(simulation: Simulation, options: Options = Options()) -> RunSettings
         scheme=simulation.scheme,
         family=family,
         degree=degree,
-        order=collocation.order(degree) if collocation else 2,
+        order=collocation.order(degree) if collocation else explicit or 2,
         dissipative=collocation.decays if collocation else decay.chi > 0.0,
         damping=simulation.damping if decay.chi > 0.0 else 0.0,
         decay=decay,
-        exponential=simulation.rotation_update == EXPONENTIAL and not collocation,
-        reactions=INSTANTANEOUS if collocation else simulation.reactions,
+        exponential=simulation.rotation_update == EXPONENTIAL and degree == 0,
+        reactions=INSTANTANEOUS if degree else simulation.reactions,
         accelerations=simulation.accelerations,
         joint_table=simulation.joint_table,
         tolerance=tolerance,

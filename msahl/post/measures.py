@@ -55,9 +55,10 @@ COUNTS = ("steps", "output_times", "time", "unknowns", "iterations", "factorisat
           "scipy_steps", "path_steps", "subdivisions")  # fmt: skip
 """Numbers of a report."""
 EXTREMES = ("energyAtStart", "largestKineticEnergy", "energyErrorMax", "energyErrorMaxRelative",
-            "energyErrorBetweenSteps", "energyErrorRms", "constraintViolationMax",
-            "constraintViolationRateMax", "constraintWorkMax", "speedMax", "rotationPerStepMax",
-            "distanceMax", "displacementMax", "localErrorMax", "localErrorSum")  # fmt: skip
+            "energyErrorBetweenSteps", "potentialEnergyChangeBetweenSteps", "energyErrorRms",
+            "constraintViolationMax", "constraintViolationRateMax", "constraintWorkMax",
+            "speedMax", "rotationPerStepMax", "distanceMax", "displacementMax", "localErrorMax",
+            "localErrorSum")  # fmt: skip
 """Figures of ``extremes`` in a report."""
 FIGURES = (VERDICT, POSITION_ERROR, SECONDS, *map(camel_case, COUNTS), *EXTREMES)
 """Measures that need no table."""
@@ -67,7 +68,8 @@ AT = re.compile(rf"(?P<column>.+?) at (?P<number>{_NUMBER})( s)?")
 STATISTIC = re.compile(rf"(?P<column>.+?) (?P<kind>{'|'.join(STATISTICS)})")
 DISPLACEMENT = "displacement of "
 """Begins a column of which the change since t = 0 is measured."""
-ENERGIES = ("energyAtStart", "largestKineticEnergy", "energyErrorMax", "energyErrorBetweenSteps")
+ENERGIES = ("energyAtStart", "largestKineticEnergy", "energyErrorMax", "energyErrorBetweenSteps",
+            "potentialEnergyChangeBetweenSteps")  # fmt: skip
 LENGTHS = (POSITION_ERROR, "constraintViolationMax", "displacementMax", "distanceMax")
 UNITS = {
     **dict.fromkeys(LENGTHS, "m"),

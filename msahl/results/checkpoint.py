@@ -21,7 +21,7 @@ from msahl.results.write import CHECKPOINT, INFO, PART, create, file_name, write
 from msahl.run.snapshot import ResumeError, Snapshot
 from msahl.run.tables import COLUMNS, STATES
 
-LAYOUT = 5
+LAYOUT = 6
 """Version of the file and of what a snapshot holds; increased when either changes."""
 ANEW = "omit --resume to start again"
 DOUBLES = np.dtype("<f8")

@@ -41,6 +41,8 @@ COARSER = {
     ("gauss", 2): CoarserScheme("gauss", 4, 3),
     ("gauss", 3): CoarserScheme("gauss", 5, 3),
     ("gauss", 4): CoarserScheme("gauss", 5, 2),
+    ("rk4", 2): CoarserScheme("gauss", 4, 3),
+    ("rk8", 4): CoarserScheme("gauss", 5, 2),
     ("radau", 1): CoarserScheme("radau", 3, 4),
     ("radau", 2): CoarserScheme("radau", 3, 2),
 }

@@ -125,6 +125,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         dt=longest_step(setup, report),
         order=settings.order,
         conserves=not settings.degree,
+        explicit=settings.explicit,
         works=any(bool(integrator.workspace.state.work.any()) for integrator in setup.integrators),
         by_cayley=not settings.degree and not settings.exponential,
         tolerance=setup.attempts.goal if setup.attempts else None,

@@ -11,6 +11,7 @@ from msahl.jit.compiled import on_disk
 from msahl.joints.coordinates import ORIENTATION, coordinates, is_angle
 from msahl.linalg.elimination import products
 from msahl.model import Model, RunSettings, resolve
+from msahl.model.scheme import COLLOCATION
 from msahl.run.joint_table import JointTable
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import STATES
@@ -85,11 +86,13 @@ def _scheme(settings: RunSettings) -> str:
     """The scheme in words: name, order, what it does to the energy."""
     if settings.dissipative:
         energy = "takes energy from motions that are faster than the step"
+    elif settings.explicit:
+        energy = "explicit: does not conserve the energy, which drifts"
     else:
         energy = "nearly conserves the energy" if settings.degree else "conserves the energy"
     if settings.exponential:
         energy += "; rotations are updated by the exponential map"
-    degree = f" of degree {settings.degree}" if settings.degree else ""
+    degree = f" of degree {settings.degree}" if settings.family in COLLOCATION else ""
     return f"{settings.scheme}{degree}, of order {settings.order}; {energy}"
 
 

@@ -27,13 +27,15 @@ class Extremes:
     """Largest figures of a run, of all its subsystems together.
 
     ``balance`` [J] is the energy less the work of the loads at t = 0, ``scale`` [J] the work of the
-    model's forces over its lengths.
+    model's forces over its lengths, ``potential`` [J] the potential energy at t = 0 and
+    ``exchanged`` [J] the largest change of it at output times between steps.
     """
 
     def __init__(self, first: Sequence[np.ndarray], scale: float) -> None:
         self.scale = scale
         self.balance = sum(float(rows[0, BALANCE]) for rows in first)
-        self.error = self.squares = self.kinetic = self.local = 0.0
+        self.potential = sum(float(rows[0, BALANCE] - rows[0, KINETIC]) for rows in first)
+        self.error = self.squares = self.kinetic = self.local = self.exchanged = 0.0
         # As ``error``, at output times between steps; None without any.
         self.between: float | None = None
         self.steps = 0
@@ -57,10 +59,13 @@ class Extremes:
         ]
         self.local = _sum(self.local, worst[:, LOCAL])
 
-    def add_rows(self, balances: Sequence[np.ndarray]) -> None:
-        """Add output times between steps, by their ``balances`` (rows,) [J] of each subsystem."""
-        error = np.abs(np.sum(balances, axis=0) - self.balance)
-        self.between = max(self.between or 0.0, float(error.max()))
+    def add_rows(self, energies: Sequence[np.ndarray]) -> None:
+        """Add output times between steps, by the balances and potential energies (2, rows) [J] that
+        each subsystem has there.
+        """
+        balance, potential = np.sum(energies, axis=0)
+        self.between = max(self.between or 0.0, float(np.abs(balance - self.balance).max()))
+        self.exchanged = max(self.exchanged, float(np.abs(potential - self.potential).max()))
 
     def raise_scale(self, energy: float) -> None:
         """Raise the energy scale to this ``energy`` [J] if it is smaller."""
@@ -83,6 +88,8 @@ class Extremes:
             "balance": self.balance,
             "error": self.error,
             "between": self.between,
+            "potential": self.potential,
+            "exchanged": self.exchanged,
             "squares": self.squares,
             "kinetic": self.kinetic,
             "local": self.local,
@@ -95,6 +102,7 @@ class Extremes:
         self.scale, self.balance = numbers["scale"], numbers["balance"]
         self.error, self.squares = numbers["error"], numbers["squares"]
         self.between = numbers["between"]
+        self.potential, self.exchanged = numbers["potential"], numbers["exchanged"]
         self.kinetic, self.local = numbers["kinetic"], numbers["local"]
         self.steps, self.worst = numbers["steps"], list(numbers["worst"])
 
@@ -109,6 +117,7 @@ class Extremes:
             "energyErrorMax": self.error,
             "energyErrorMaxRelative": self.error / self.kinetic if moves else None,
             "energyErrorBetweenSteps": self.between,
+            "potentialEnergyChangeBetweenSteps": None if self.between is None else self.exchanged,
             "energyErrorRms": (self.squares / max(self.steps, 1)) ** 0.5,
             "constraintViolationMax": self.worst[VIOLATION],
             "constraintViolationRateMax": self.worst[VIOLATION_RATE],

@@ -7,7 +7,7 @@ import numpy as np
 
 from msahl.check.loads import jumps_of_speed
 from msahl.events.expressions import jumps_by_reactions
-from msahl.model import Model
+from msahl.model import Model, resolve
 from msahl.model.model import in_deck
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.common.criteria import FAR
@@ -44,6 +44,13 @@ def step_failed(
         return overflow(t, name or describe_equation(integrator, outcome.worst))
     if name is not None:
         return overflow(t, name)
+    settings = resolve(integrator.model.simulation)
+    if np.isinf(outcome.residual) and settings.explicit:
+        return (
+            f"steps of {settings.scheme} from t = {t:g} s, down to {smallest:.3g} s, end beyond "
+            "the range of a step. Explicit schemes are unstable where springs or dampers are "
+            "stiff: choose --scheme gauss3 or radau3, or try a smaller --dt."
+        )
     if np.isinf(outcome.residual):
         return (
             f"steps from t = {t:g} s, down to {smallest:.3g} s, end {FAR:g} times farther away "

@@ -105,8 +105,9 @@ OPTIONS = (
         "Choose the integration scheme. 'preserving' (order 2) conserves the energy; 'decaying' "
         "(order 2) takes energy from vibrations that are faster than the step. 'gauss1' to "
         "'gauss5' have the orders 2 to 10 and nearly conserve the energy; 'radau1' to 'radau3' "
-        "have the orders 1, 3 and 5 and take energy from fast vibrations. 'auto' chooses the "
-        "degree of gauss and the step size by the tolerance (default: the deck's, else "
+        "have the orders 1, 3 and 5 and take energy from fast vibrations. 'rk4' and 'rk8' are "
+        "explicit, of order 4 and 8, for models in joint coordinates; the energy drifts. 'auto' "
+        "chooses the degree of gauss and the step size by the tolerance (default: the deck's, else "
         "preserving).",
         lambda settings: settings.scheme,
         deck="scheme",

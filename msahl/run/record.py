@@ -7,7 +7,7 @@ import numpy as np
 from msahl.model import RunSettings
 from msahl.ports import forces
 from msahl.run.extremes import Extremes
-from msahl.run.row_energy import row_balance
+from msahl.run.row_energy import row_energies
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.diagnostics import STOP
 from msahl.system.momentum import Momentum, drift, is_alone, momentum
@@ -32,7 +32,7 @@ class Record:
         )
         self.extremes.raise_scale(sum(map(_work_of_reactions, self.integrators)))
         if between.size:
-            self.extremes.add_rows([row_balance(one, between) for one in self.integrators])
+            self.extremes.add_rows([row_energies(one, between) for one in self.integrators])
 
     @property
     def length(self) -> float:

@@ -13,14 +13,18 @@ from msahl.formulations.absolute.rigid_body import STATE_SIZE, RigidBodies
 from msahl.run.subsystem import SubsystemIntegrator
 
 
-def row_balance(integrator: SubsystemIntegrator, rows: np.ndarray) -> np.ndarray:
-    """Return the energy balances (m,) [J] of a subsystem in these ``rows`` of the present chunk."""
+def row_energies(integrator: SubsystemIntegrator, rows: np.ndarray) -> np.ndarray:
+    """Return the energy balances and the potential energies, elastic ones included, (2, m) [J] of a
+    subsystem in these ``rows`` of the present chunk.
+    """
     tables, works = integrator.workspace.tables, integrator.workspace.state.work.size
-    energy = _of_bodies(integrator.workspace.system.bodies, tables.states[rows])
-    return energy + tables.work[rows, works:].sum(axis=1) - tables.work[rows, :works].sum(axis=1)
+    kinetic, potential = _of_bodies(integrator.workspace.system.bodies, tables.states[rows])
+    potential = potential + tables.work[rows, works:].sum(axis=1)
+    balance = kinetic + potential - tables.work[rows, :works].sum(axis=1)
+    return np.stack([balance, potential])
 
 
-def _of_bodies(bodies: RigidBodies, states: np.ndarray) -> np.ndarray:
+def _of_bodies(bodies: RigidBodies, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the kinetic and potential energies (m,) of bodies with these ``states`` (m, 12 n)."""
     parts = states[:, bodies.column[:, None] + np.arange(STATE_SIZE)]  # (m, n, 12)
     x, p, v, w = (parts[..., 3 * i : 3 * i + 3] for i in range(4))
@@ -28,4 +32,4 @@ def _of_bodies(bodies: RigidBodies, states: np.ndarray) -> np.ndarray:
     v = v + cross(w, to_centre)  # in axes of the body, which do not matter here
     kinetic = 0.5 * (mass * dot(v, v) + dot(w, rotated(bodies.inertia, w)))
     potential = -mass * ((x + rotated(rotations(p), to_centre)) @ bodies.gravity)
-    return np.asarray((kinetic + potential).sum(axis=1))
+    return kinetic.sum(axis=1), potential.sum(axis=1)

@@ -14,6 +14,7 @@ from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.lanes import LANES
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
+from msahl.model.scheme import AUTO_FAMILY
 from msahl.ports import forces
 from msahl.schemes.common import workspace
 from msahl.schemes.common.workspace import Workspace, new_workspace
@@ -53,7 +54,7 @@ from msahl.system.switches import (
     with_all_engaged,
     without,
 )
-from msahl.system.tree import Formulation, choose_formulation
+from msahl.system.tree import NOTHING_MOVES, Formulation, choose_formulation
 from msahl.system.unknowns import choose
 from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
 
@@ -61,6 +62,10 @@ if TYPE_CHECKING:
     from msahl.contact.modes import ContactModes
     from msahl.schemes.contact_steps import ContactSteps
     from msahl.switching.modes import Switching
+
+
+MOST_NAMED = 3
+"""Most bodies by which a message names a subsystem."""
 
 
 class SubsystemIntegrator:
@@ -186,6 +191,8 @@ class SubsystemIntegrator:
     def _choose_formulation(self, full: bool) -> Formulation:
         """Return the coordinates in which steps are solved."""
         settings = resolve(self.model.simulation)
+        if settings.explicit:
+            return self._choose_explicit(settings.scheme, full)
         if full or self.solver == "root" or not self.joint_coordinates:
             return Formulation(None, "model reductions are switched off (--full, --solver root)")
         if settings.family != "gauss" or min(settings.degrees) > LANES:
@@ -194,6 +201,25 @@ class SubsystemIntegrator:
         workspace = self.workspace
         free = workspace.unknowns.free
         return choose_formulation(self.model, workspace.system, workspace.start, free, self.axis)
+
+    def _choose_explicit(self, scheme: str, full: bool) -> Formulation:
+        """Return joint coordinates, which an explicit scheme needs; a subsystem that cannot move
+        needs none, and has steps of gauss. Raises ``StartError`` if there are none.
+        """
+        remedy = f"scheme {scheme} takes steps in joint coordinates only"
+        if full or self.solver == "root":
+            raise StartError(f"{remedy}: omit --full and --solver root, or choose another scheme")
+        workspace = self.workspace
+        given = self.model, workspace.system, workspace.start, workspace.unknowns.free, self.axis
+        found = choose_formulation(*given, saves_work=False)
+        if found.tree is None and found.reason != NOTHING_MOVES:
+            members = ", ".join(body.name for body in self.model.bodies[:MOST_NAMED])
+            more = ", ..." if len(self.model.bodies) > MOST_NAMED else ""
+            raise StartError(
+                f"{remedy}, but the subsystem of {members}{more} has none: {found.reason}; choose "
+                "gauss, or another scheme"
+            )
+        return found
 
     @property
     def unknowns(self) -> int:
@@ -307,6 +333,8 @@ def _new_stepper(
     given = Changing(
         modes.held.contacts if modes else None, switching.conditions if switching else None
     )
+    if settings.explicit and formulation.tree is not None:
+        return _new_explicit_stepper(workspace, settings.family, formulation, span, storage)
     if not settings.degree:
 
         def new_midpoint(own: Workspace) -> MidpointMethod:
@@ -320,8 +348,7 @@ def _new_stepper(
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
-    tolerance, degrees = settings.local_tolerance, settings.degrees
-    tree = formulation.tree
+    tolerance, degrees, tree = settings.local_tolerance, settings.degrees, formulation.tree
     rest = span, storage, None if tree is None else (tree, formulation.cut)
     if formulation.tree is not None:
         degrees = tuple(degree for degree in degrees if degree <= LANES)
@@ -330,7 +357,8 @@ def _new_stepper(
 
     def new_collocation(own: Workspace) -> CollocationMethod:
         place = (span, Storage(), None, given) if changes else rest
-        return CollocationMethod(own, settings.family, degree, *place)
+        family = AUTO_FAMILY if settings.explicit else settings.family
+        return CollocationMethod(own, family, degree, *place)
 
     contacts = _new_contact_steps(changing, workspace, new_collocation)
     method = contacts.method if contacts else new_collocation(workspace)
@@ -338,6 +366,17 @@ def _new_stepper(
         return FixedStepper(method, solver, contacts)
     control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
     return AdaptiveStepper(method, degrees, control, contacts)
+
+
+def _new_explicit_stepper(
+    workspace: Workspace, scheme: str, formulation: Formulation, span: Span, storage: Storage
+) -> Stepper:
+    """The stepper of an explicit scheme; a step that fails has no other solver."""
+    from msahl.schemes.explicit.stepper import ExplicitMethod
+
+    assert formulation.tree is not None
+    given = formulation.tree, formulation.cut
+    return FixedStepper(ExplicitMethod(workspace, scheme, given, span, storage), "newton")
 
 
 def _new_modes(model: Model, workspace: Workspace) -> "ContactModes | None":

@@ -8,6 +8,8 @@ A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the ot
 the auxiliary states of the laws of the motion.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
@@ -24,6 +26,7 @@ from msahl.formulations.absolute.frames import (
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
+from msahl.model.scheme import AUTO_FAMILY, EXPLICIT
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant, new_instant, solve_least
@@ -205,7 +208,12 @@ def _recall(
 
 def first_state(model: Model) -> tuple[System, State]:
     """The system of ``model``, and its state at t = 0, made consistent as the deck wishes."""
-    integrator = SubsystemIntegrator(model, "newton", full=True, chunk=1)
+    given = model.simulation
+    # Explicit schemes have no complete equations; the state at t = 0 is that of any scheme.
+    if given.scheme in EXPLICIT:
+        given = replace(given, scheme=AUTO_FAMILY)
+    start = replace(model, simulation=given)
+    integrator = SubsystemIntegrator(start, "newton", full=True, chunk=1)
     # The runner's own system may be relaxed, which is not what the equations say.
     return build_system(model), integrator.workspace.state
 

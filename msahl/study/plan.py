@@ -1,7 +1,7 @@
 """Define the task of a study and the record of one of its runs."""
 
 from msahl.model import Model
-from msahl.model.scheme import choices
+from msahl.model.scheme import EXPLICIT, choices
 from msahl.records import record
 from msahl.study.errors import STATE_KEYS, Errors
 from msahl.study.runs import Trial
@@ -42,7 +42,7 @@ class Plan:
     @property
     def studied(self) -> tuple[str, ...]:
         """Return the schemes to run."""
-        return self.schemes or choices()
+        return self.schemes or tuple(word for word in choices() if word not in EXPLICIT)
 
 
 @record(slots=False)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import STOPWATCH, working_clock
-from msahl.model.scheme import AUTO, AUTO_FAMILY, COLLOCATION, DEGREE, split
+from msahl.model.scheme import AUTO, AUTO_FAMILY, COLLOCATION, DEGREE, order_of
 from msahl.records import record
 from msahl.results.read import Run
 from msahl.run.report import Report
@@ -375,10 +375,7 @@ def _urgency(seconds: float, scheme: str) -> tuple[int, int]:
     """Return the sort key of waiting runs: fast runs first, and of about equally fast ones those of
     high order, because a few of their runs cover the range of errors.
     """
-    higher = COLLOCATION.get(split(scheme)[0])
-    order = higher.order(split(scheme)[1] or higher.highest) if higher else 2
-    if scheme == AUTO:
-        order = COLLOCATION[AUTO_FAMILY].order(DEGREE)
+    order = COLLOCATION[AUTO_FAMILY].order(DEGREE) if scheme == AUTO else order_of(scheme)
     return math.floor(2.0 * math.log10(seconds)), -order
 
 

@@ -59,6 +59,8 @@ LOADS = {
 EQUAL = 1e-6
 """Difference of principal moments, relative to the largest, within which a body is one of
 revolution."""
+NOTHING_MOVES = "nothing can move"
+"""Reason of a subsystem without coordinates."""
 ALONG = 0.5
 """Cosine above which an axis in a planar subsystem is its normal: it is either 1 or 0."""
 
@@ -86,10 +88,16 @@ class Branch(NamedTuple):
 
 
 def choose_formulation(
-    model: Model, system: System, start: SystemWorkspace, free: np.ndarray, axis: int | None
+    model: Model,
+    system: System,
+    start: SystemWorkspace,
+    free: np.ndarray,
+    axis: int | None,
+    saves_work: bool = True,
 ) -> Formulation:
     """Return the coordinates for a subsystem of ``free`` unknowns, prepared at its start; ``axis``
-    is the normal of its plane, if it is planar.
+    is the normal of its plane, if it is planar. Where it ``saves_work``, joint coordinates are only
+    chosen if they take less work.
     """
     reason = _excluded(model, system)
     if reason:
@@ -97,13 +105,13 @@ def choose_formulation(
     branches = _branches(model)
     tree = _build(model, system, start, axis, branches)
     if tree.body.size == 0:
-        return Formulation(None, "nothing can move")
+        return Formulation(None, NOTHING_MOVES)
     depth = np.diff(tree.row)
-    if float(np.sum(depth * depth)) > 2.0 * MOST_PRODUCTS * len(model.bodies):
+    if saves_work and float(np.sum(depth * depth)) > 2.0 * MOST_PRODUCTS * len(model.bodies):
         return Formulation(None, "they take less work in chains as long as these")
     closing = _closing(model, branches)
     cut = build_cut(system, free, tree, set(closing))
-    if cut is not None and cut.scale.size > MOST_EQUATIONS:
+    if saves_work and cut is not None and cut.scale.size > MOST_EQUATIONS:
         return Formulation(None, "they take less work where so many equations close loops")
     return Formulation(tree, "", cut, tuple(closing.values()) if cut else ())
 

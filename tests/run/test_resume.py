@@ -17,6 +17,7 @@ import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.model import Options
+from msahl.model.scheme import EXPLICIT
 from msahl.results.checkpoint import _checksum
 from msahl.run import companion
 from msahl.run.snapshot import ResumeError
@@ -132,6 +133,15 @@ def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
     simulation = replace(
         model.simulation, t_final=24 * model.simulation.dt, scheme=scheme, degree=2
     )
+    same_run(monkeypatch, replace(model, simulation=simulation), Options(accuracy=1e-6), 9)
+
+
+@pytest.mark.parametrize("scheme", EXPLICIT)
+@pytest.mark.parametrize("name", ["triple_pendulum_45", "suspension", "motor_four_bar"])
+def test_explicit_steps_go_on_bit_for_bit(monkeypatch, name, scheme):
+    """Of a tree, of loops, and of auxiliary states."""
+    model = deck(name)
+    simulation = replace(model.simulation, t_final=24 * model.simulation.dt, scheme=scheme)
     same_run(monkeypatch, replace(model, simulation=simulation), Options(accuracy=1e-6), 9)
 
 

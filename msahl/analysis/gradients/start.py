@@ -28,6 +28,10 @@ CONTACTS = (
     "releases, whose times change with every number; compare runs with neighbouring numbers "
     "instead (msahl sweep)"
 )
+EXPLICIT_STEPS = (
+    "steps of {} are explicit, in joint coordinates, and have no derivatives; choose gauss, radau "
+    "or a scheme of order 2"
+)
 SMALL = 1e-2
 """Fraction of the largest number of its kind that any one counts as: it may be a rounding error."""
 
@@ -79,6 +83,8 @@ def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     if reason := without_contacts(model):
         raise NotDifferentiable(reason)
     settings = shape.settings
+    if settings.explicit:
+        raise NotDifferentiable(EXPLICIT_STEPS.format(settings.scheme))
     together = shape.full or settings.adaptive
     parts: list[SubsystemIntegrator] = [
         DifferentiatedIntegrator(

@@ -8,7 +8,7 @@ balance.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -74,6 +74,26 @@ class CollocationWorkspace(NamedTuple):
     half_solution: np.ndarray  # (2, s, nodes, 3) their solutions
     outcome: np.ndarray  # (2,) residual and worst row of the last step
     tree: TreeStages | None  # steps in joint coordinates; None: no code for them
+
+
+class Recorded(Protocol):
+    """What ``record_step`` needs of a subsystem."""
+
+    @property
+    def workspace(self) -> Workspace:
+        """State, monitor and tables."""
+
+    @property
+    def instant(self) -> Instant:
+        """Work arrays of accelerations."""
+
+    @property
+    def dense_output(self) -> DenseOutput:
+        """Interpolation of the step."""
+
+    @property
+    def tree(self) -> TreeStages | None:
+        """Steps in joint coordinates."""
 
 
 def new_collocation_workspace(
@@ -284,7 +304,7 @@ def take_steps(
 
 @kernel
 def record_step(
-    subsystem: CollocationWorkspace, h: float, step: int, due: np.ndarray, share: np.ndarray
+    subsystem: Recorded, h: float, step: int, due: np.ndarray, share: np.ndarray
 ) -> None:
     """Write the accepted state to row ``step`` of the monitor, and the rows of the tables that are
     due; the start of the step has been saved in the dense output.

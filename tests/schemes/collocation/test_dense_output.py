@@ -11,13 +11,14 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.deck import check_simulation
+from msahl.model.loads import SpringDamper
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.time_grid import TimeGrid
 from msahl.run.verdict import PASS
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
 from tests.support.closed_forms import recognise
-from tests.support.models import THESIS, deck
+from tests.support.models import GROUND, THESIS, ZERO, body, build_model, deck
 from tests.support.models import simulate_and_estimate as simulate
 
 TABLES = ("states", "reactions", "work")
@@ -191,3 +192,24 @@ def test_a_step_that_cannot_be_solved_leaves_nothing_in_the_dense_output():
     curve, weights = np.ones((3, 2, 3)), np.array([2.0, 0.0, 1.0])
     curve[1] = np.nan
     assert dense_output._sum(curve, weights, 1) == (3.0, 3.0, 3.0)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+@pytest.mark.parametrize("kind", ["tolerance", "local_tolerance"])
+def test_energy_between_steps_is_compared_with_what_is_exchanged(tolerance, kind):
+    """A spring of 200 J with a damper of ten times the critical constant: at most 0.5 J become
+    kinetic energy, and steps are far longer than the shorter time constant. Compared with the
+    kinetic energy the looser tolerance fails by 0.3 J.
+    """
+    leg = SpringDamper("Leg", GROUND.name, "Body", ZERO, ZERO, 1e4, 2e3, 1.0)
+    start = body("Body", 1.0, np.diag((0.1, 0.1, 0.1)), position=(0.0, 0.0, 1.2))
+    model = build_model([start], loads=[leg], dt=0.01, t_final=0.5)
+    given = {"scheme": "auto", "output_interval": 0.01, kind: tolerance}
+    model = replace(model, simulation=replace(model.simulation, **given))
+    run = simulate(model)
+    figures, checks = run.report.extremes, run.report.verdict["checks"]
+    # After 2.5 of the longer time constants 0.7 % of the energy is left, exp(-5).
+    assert figures["potentialEnergyChangeBetweenSteps"] == pytest.approx(200.0, rel=0.02)
+    assert figures["largestKineticEnergy"] < 1.0
+    assert checks["energy"]["word"] == PASS
+    assert "of the largest change of the potential energy" in checks["energy"]["text"]

@@ -227,7 +227,7 @@ def test_a_rolling_disk_rolls():
 
 def test_the_command_and_the_deck_ask_for_it(tmp_path):
     source = ROOT / "decks" / "extreme" / "stiff_spring.xml"
-    assert choices()[-4:] == ("radau1", "radau2", "radau3", "auto")
+    assert choices()[-6:] == ("radau1", "radau2", "radau3", "rk4", "rk8", "auto")
     words = ["run", str(source), "--t-final", "0.1", "-o", str(tmp_path / "a")]
     result = CliRunner().invoke(main, [*words, "--scheme", "radau2"])
     assert result.exit_code in (0, 1), result.output

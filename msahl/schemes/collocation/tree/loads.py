@@ -54,8 +54,8 @@ def set_loads(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: fl
     _solve_states(tree.node.system.forces.signals, tree, workspace, stages, h)
     for i in range(tree.nodes.shape[0]):
         set_node(tree, workspace, stages, h, i)
-        _set_accelerations(tree.node, stages, h, i)
-        _take_loads(tree, i)
+        set_accelerations(tree.node, stages, h, i)
+        take_loads(tree, i)
     for row in range(tree.motion.load.shape[0]):
         for i in range(tree.nodes.shape[0], LANES):
             tree.motion.load[row, i] = tree.motion.load[row, i - 1]
@@ -134,7 +134,7 @@ def set_node(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: flo
 
 
 @kernel
-def _set_accelerations(node: LoadNode, stages: StageArrays, h: float, i: int) -> None:
+def set_accelerations(node: LoadNode, stages: StageArrays, h: float, i: int) -> None:
     """Set the accelerations by all forces at the node ``i``, and add their work."""
     system, start, rows = node.system, node.start, node.accelerations
     frames, group, gravity = system.frames, system.scalar, system.bodies.gravity
@@ -150,7 +150,7 @@ def _set_accelerations(node: LoadNode, stages: StageArrays, h: float, i: int) ->
 
 
 @kernel
-def _take_loads(tree: TreeStages, i: int) -> None:
+def take_loads(tree: TreeStages, i: int) -> None:
     """Set the loads of lane ``i`` from the accelerations by all forces."""
     frames, found, loads = tree.node.system.frames, tree.node.accelerations, tree.motion.load
     for b in range(1, tree.tree.frame.size):

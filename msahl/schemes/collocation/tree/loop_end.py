@@ -27,16 +27,42 @@ def project(
     """Make the rates ``motion.y`` at the end of the step satisfy the constraints, by the impulses
     of the last node, after ``mass_matrix.solve`` for the momenta there.
     """
-    cut, y, mu, state = loops.cut, motion.y, loops.end_right, workspace.state
-    m = cut.scale.size
-    _add_work(cut.scalar, loops, workspace, stages, h)
+    _add_work(loops.cut.scalar, loops, workspace, stages, h)
     for k in range(motion.rate.size):
-        store(loops.rest, k, load(y, k))
+        store(loops.rest, k, load(motion.y, k))
+    set_equations(loops, tree, motion, workspace, stages, h)
+    set_law_rates(loops, workspace.state.time[0] + h)
+    impose(loops, tree, motion, stages, workspace.state.time[0] + h, 1.0)
+
+
+@kernel
+def set_equations(
+    loops: LoopStages,
+    tree: Tree,
+    motion: TreeMotion,
+    workspace: Workspace,
+    stages: StageArrays,
+    dt: float,
+) -> None:
+    """Set violations, G and G M^-1 G^T at the places of lane 0, a time ``dt`` after the start of
+    the step, after the factors of M.
+    """
     recursion.set_displacements(tree, motion, loops.displacement)
-    enter_node(loops, motion, workspace, stages, h, 0)
+    enter_node(loops, motion, workspace, stages, dt, 0)
     set_gradient(loops, motion)
     set_end_matrix(loops, tree, motion)
-    _set_law_rates(cut.scalar, loops, state.time[0] + h)
+
+
+@kernel
+def impose(
+    loops: LoopStages, tree: Tree, motion: TreeMotion, stages: StageArrays, t: float, share: float
+) -> None:
+    """Set ``motion.y`` to what is in ``loops.rest`` but for the least change, weighted by mass, by
+    which G y is ``end_right``, after ``set_equations``. That receives the multipliers, a ``share``
+    of which is an impulse that does work at the time ``t``.
+    """
+    cut, y, mu = loops.cut, motion.y, loops.end_right
+    m = cut.scale.size
     for r in range(m):
         for e in range(cut.first[r], cut.first[r + 1]):
             mu[r] -= loops.gradient[e, 0] * loops.rest[cut.coordinate[e], 0]
@@ -45,7 +71,7 @@ def project(
             mu[r] = 0.0
     small_system.factor(loops.end_matrix, loops.end_pivot)
     small_system.solve(loops.end_matrix, loops.end_pivot, mu)
-    _add_work_of(cut.scalar, loops, stages, mu, state.time[0] + h, 1.0)
+    add_work_of(cut.scalar, loops, stages, mu, t, share)
     for k in range(motion.rate.size):
         store(y, k, spread(0.0))
     for r in range(m):
@@ -58,11 +84,11 @@ def project(
 
 
 @kernel
-def _set_law_rates(group: scalar.ScalarConstraints | None, loops: LoopStages, t: float) -> None:
+def set_law_rates(loops: LoopStages, t: float) -> None:
     """Set ``end_right`` to the rates at which laws of time change the equations."""
     for r in range(loops.cut.scale.size):
         loops.end_right[r] = 0.0
-    _add_law_rates(group, loops, t)
+    _add_law_rates(loops.cut.scalar, loops, t)
 
 
 @optional()
@@ -87,11 +113,11 @@ def _add_work(
     for i in range(s):
         share = loops.weight[i] / h
         at_node = t + h * stages.tableau.multiplier_time[i]
-        _add_work_of(group, loops, stages, loops.y[i], at_node, share)
+        add_work_of(group, loops, stages, loops.y[i], at_node, share)
 
 
 @optional()
-def _add_work_of(
+def add_work_of(
     group: scalar.ScalarConstraints,
     loops: LoopStages,
     stages: StageArrays,

@@ -349,14 +349,27 @@ def speed_of_loads(tree: TreeStages, h: float) -> float:
 def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> None:
     """Advance the state by the solved step."""
     system, state, start = workspace.system, workspace.state, workspace.start
-    frames, last = system.frames, tree.nodes.shape[0] - 1
+    last = tree.nodes.shape[0] - 1
     save_rates(tree, start.frames.R)
     for b in range(1, tree.tree.frame.size):
         _, _, v, W = body_motion(tree, b, last)
         put(state.a, tree.tree.frame[b], v)
         put(state.alpha, tree.tree.frame[b], W)
     _set_end(tree, workspace, stages, h)
-    rest = 1.0 / (h * (1.0 - stages.tableau.force_time[last]))
+    move_bodies(tree, workspace, 1.0 / (h * (1.0 - stages.tableau.force_time[last])))
+    states.accept(system.forces.signals, stages.signals, state.auxiliary)
+    stages.last_step[0], stages.last_step[1] = state.time[0], h
+    tree.figures[FROM_TREE], tree.figures[REST] = 1.0, max(1.0, 0.5 * tree.figures[REST])
+    end_step(tree, workspace, stages, h)
+
+
+@kernel
+def move_bodies(tree: TreeStages, workspace: Workspace, rest: float) -> None:
+    """Advance the bodies to their motion in lane 0; their accelerations are those from the
+    velocities that stand in their place, ``1/rest`` [s] before.
+    """
+    system, state = workspace.system, workspace.state
+    frames = system.frames
     for b in range(1, tree.tree.frame.size):
         f = tree.tree.frame[b]
         x, c, v, W = body_motion(tree, b, 0)
@@ -368,15 +381,18 @@ def accept(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float
         put(state.p, f, p)
         put(state.v, f, restrict(frames, 0, v))
         put(state.w, f, times(transpose(matrix(p)), restrict(frames, 1, W)))
+
+
+@kernel
+def end_step(tree: TreeStages, workspace: Workspace, stages: StageArrays, h: float) -> None:
+    """Set what else of the state the step has changed, and prepare the next one."""
+    system, state, start = workspace.system, workspace.state, workspace.start
     for k in range(state.force.shape[0]):
         put(state.force, k, ZERO)
         put(state.violation, k, ZERO)
     loops.save(tree.loops, state, h)
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
-    states.accept(system.forces.signals, stages.signals, state.auxiliary)
-    stages.last_step[0], stages.last_step[1] = state.time[0], h
-    tree.figures[FROM_TREE], tree.figures[REST] = 1.0, max(1.0, 0.5 * tree.figures[REST])
     state.time[0] += h
     evaluate.prepare(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
