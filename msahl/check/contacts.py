@@ -22,6 +22,7 @@ from msahl.model.contacts import (
     PinContact,
     PlaneContact,
     SphereContact,
+    WithFriction,
     friction_of,
     sides_of,
 )
@@ -52,13 +53,14 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         if abs(math.hypot(*contact.normal) - 1.0) > PARALLEL:
             yield Finding("normal", "it is no unit vector; divide it by its length")
         if contact.axis is not None:
-            yield from _rim_findings(contact, contact.axis, context)
+            yield from _rim_findings(contact, contact.axis)
         yield from _friction_findings(contact)
     elif isinstance(contact, SphereContact):
         yield from _radius_findings(contact)
         yield from _friction_findings(contact)
     elif isinstance(contact, BoxContact):
         yield from _box_findings(contact)
+        yield from _friction_findings(contact)
     elif isinstance(contact, PinContact):
         yield from _pin_findings(contact)
         yield from _friction_findings(contact)
@@ -66,18 +68,11 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         yield from _range_findings(contact)
 
 
-def _rim_findings(contact: PlaneContact, axis: Vector, context: Context) -> Iterator[Finding]:
+def _rim_findings(contact: PlaneContact, axis: Vector) -> Iterator[Finding]:
     if abs(math.hypot(*axis) - 1.0) > PARALLEL:
         yield Finding("axis", "it is no unit vector; divide it by its length")
     if contact.radius == 0.0:
         yield Finding("radius", "a disk has a radius; give it, or delete the child's <axis>")
-    moves = contact.parent in context.axes and contact.parent not in context.grounds
-    if contact.friction > 0.0 and moves:
-        message = (
-            f"a disk has friction on a plane of a ground only, and '{contact.parent}' is a body; "
-            "give the plane to a ground, or delete <friction>"
-        )
-        yield Finding("friction", message)
 
 
 def _box_findings(contact: BoxContact) -> Iterator[Finding]:
@@ -160,7 +155,7 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
         yield Finding("restitution", message)
 
 
-def _friction_findings(contact: PlaneContact | SphereContact | PinContact) -> Iterator[Finding]:
+def _friction_findings(contact: WithFriction) -> Iterator[Finding]:
     yield from negative("friction", contact.friction)
     friction, grip = friction_of(contact)
     if grip < friction:
@@ -170,9 +165,7 @@ def _friction_findings(contact: PlaneContact | SphereContact | PinContact) -> It
         yield from _compliant_friction_findings(contact, contact.compliance.friction_width)
 
 
-def _compliant_friction_findings(
-    contact: PlaneContact | SphereContact | PinContact, width: float | None
-) -> Iterator[Finding]:
+def _compliant_friction_findings(contact: WithFriction, width: float | None) -> Iterator[Finding]:
     if width is not None and not width > 0.0:
         yield Finding("frictionWidth", f"it is {width:g}; it must be greater than zero")
     if contact.static_friction is not None:

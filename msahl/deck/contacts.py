@@ -156,14 +156,18 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
     parent_radius = reader.number(element.find("parentRadius"), "length")
     if (box := element.find("box")) is not None:
         x, y, z = (0.5 * size for size in _sizes(box, reader))
-        return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law)
+        return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law, *friction)
     axis = None
     if element.tag == "cylinderContact":
         axis = _parents_direction(element, "axis", ends, reader)
         if (length := element.find("length")) is not None:
-            _refuse_beside_length(element, parent_radius, reader)
+            if parent_radius < 0.0:
+                message = "a hollow cylinder has no ends; delete <length>, or give a radius > 0"
+                reader.faults.add(element, message)
             half = (0.0, 0.0, 0.5 * reader.number(length, "length"))
-            return BoxContact(name, *points, half, parent_radius, radius, *law, frame(axis))
+            return BoxContact(
+                *(name, *points, half, parent_radius, radius, *law, *friction), frame(axis)
+            )
     return SphereContact(name, *points, parent_radius, radius, axis, *law, *friction)
 
 
@@ -218,18 +222,6 @@ def _rim_axis(element: Element, ends: Ends, reader: Reader) -> Vector | None:
                 other, "it is a disk as well by the child's <axis>; delete one of them"
             )
     return _own_direction(element, "child/axis", direction, ends.child, reader)
-
-
-def _refuse_beside_length(element: Element, parent_radius: float, reader: Reader) -> None:
-    """Add faults for what a cylinder that ends in half spheres cannot have."""
-    if parent_radius < 0.0:
-        message = "a hollow cylinder has no ends; delete <length>, or give a radius > 0"
-        reader.faults.add(element, message)
-    for tag in ("friction", "staticFriction"):
-        part = element.find(tag)
-        if part is not None:
-            message = "a cylinder with ends, a capsule, has no friction; delete it, or <length>"
-            reader.faults.add(part, message)
 
 
 def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -> Vector:

@@ -39,7 +39,7 @@ from msahl.model import (
     SphereContact,
     SpringDamper,
 )
-from msahl.model.contacts import BetweenPoints, BoxContact, Contact
+from msahl.model.contacts import BetweenPoints, BoxContact, Contact, WithFriction
 from msahl.model.curves import STRAIGHT, Point
 
 Sides = tuple[Matrix, Matrix]
@@ -204,6 +204,7 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
     number(element, "parentRadius", contact.parent_radius, "length")
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
+    _friction(element, contact)
 
 
 def _pin_contact(group: Element, contact: PinContact, context: Context) -> None:
@@ -232,7 +233,7 @@ def _point(group: Element, point: Point) -> None:
         number(element, tag, value, "length")
 
 
-def _friction(element: Element, contact: PlaneContact | SphereContact | PinContact) -> None:
+def _friction(element: Element, contact: WithFriction) -> None:
     number_unless(element, 0.0, "friction", contact.friction)
     number(element, "staticFriction", contact.static_friction)
 

@@ -25,11 +25,13 @@ PARENT, CHILD, GROUND = "parent", "child", "ground"
 @record
 class Surface:
     """A sphere of the child of this ``radius`` [m], less than zero inside of what is hollow, and
-    the ``shape`` of the parent; ``second`` marks the second tangent: see ``surfaces``."""
+    the ``shape`` of the parent, of a box with ``half`` sizes [m]; ``second`` marks the second
+    tangent: see ``surfaces``. Or the rim of a disk of that radius."""
 
     shape: int
     radius: float
     second: bool
+    half: Vector | None = None
 
 
 @record

@@ -108,7 +108,7 @@ class SphereContact:
 class BoxContact:
     """A sphere of the child is outside of a box of the parent about ``parent_point``, along the
     rows of ``axes`` (parent's axes), with these ``half`` sizes and edges rounded by
-    ``parent_radius``; a capsule is one with one size. Points and sizes [m] as above."""
+    ``parent_radius``; a capsule is one with one size. Points, sizes [m] and friction as above."""
 
     name: str
     parent: str
@@ -120,6 +120,8 @@ class BoxContact:
     radius: float = 0.0
     restitution: float = 0.0
     compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
     axes: Matrix = IDENTITY
 
 
@@ -145,7 +147,8 @@ class PinContact:
     reference: Vector = IDENTITY[0]
 
 
-BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact | BoxContact | PinContact
+WithFriction: TypeAlias = PlaneContact | SphereContact | BoxContact | PinContact
+BetweenPoints: TypeAlias = DistanceLimit | WithFriction
 Contact: TypeAlias = JointLimit | BetweenPoints
 
 
@@ -188,7 +191,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
 
 def friction_of(contact: Contact) -> tuple[float, float]:
     """Return the coefficients of friction of a contact that slides and of one that sticks."""
-    if isinstance(contact, JointLimit | DistanceLimit | BoxContact):
+    if isinstance(contact, JointLimit | DistanceLimit):
         return 0.0, 0.0
     grip = contact.static_friction
     return contact.friction, contact.friction if grip is None else grip

@@ -16,7 +16,7 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, ZERO, Vector, cross, dot, scale, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
-from msahl.elements.constraints import surfaces
+from msahl.elements.constraints import contact_points
 from msahl.elements.constraints.coordinate_kinds import PLAIN
 from msahl.elements.constraints.products import SURFACE
 from msahl.joints.coordinates import angle_offset
@@ -559,21 +559,27 @@ def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equatio
     if isinstance(contact, PinContact):
         along = curve_slip(contact.axes, contact.curve, contact.radius, contact.reference)
         return along, in_plane(contact.axes[2])
-    assert isinstance(contact, PlaneContact | SphereContact)
+    assert isinstance(contact, PlaneContact | SphereContact | BoxContact)
     return _rubs(contact, False), _rubs(contact, True)
 
 
-def _rubs(contact: PlaneContact | SphereContact, second: bool) -> Equation:
+def _rubs(contact: PlaneContact | SphereContact | BoxContact, second: bool) -> Equation:
     """The surfaces do not move against each other along one of two tangents."""
+    owner, e, half, radius = PARENT, ZERO, None, contact.radius
     if isinstance(contact, PlaneContact):
-        shape, n, radius = surfaces.PLANE, contact.normal, contact.radius
+        shape = contact_points.PLANE if contact.axis is None else contact_points.RIM
+        n, e = contact.normal, contact.axis or ZERO
+    elif isinstance(contact, BoxContact):
+        shape, half, (e, _, n) = contact_points.BOX, contact.half, contact.axes
     else:
         radius = math.copysign(contact.radius, contact.parent_radius)
-        shape = surfaces.SPHERE if contact.axis is None else surfaces.CYLINDER
-        n = contact.axis or ZERO
-    owner = GROUND if shape == surfaces.SPHERE else PARENT
-    product = Product(SURFACE, n, owner, surface=Surface(shape, radius, second))
-    return Equation(Coordinate(PLAIN, (product,)), 0.0, rate=True)
+        shape, n = contact_points.CYLINDER, contact.axis or ZERO
+        if contact.axis is None:
+            shape, owner = contact_points.SPHERE, GROUND
+    surface = Surface(shape, radius, second, half)
+    return Equation(
+        Coordinate(PLAIN, (Product(SURFACE, n, owner, e, surface=surface),)), 0.0, rate=True
+    )
 
 
 def tangents(normal: Vector) -> tuple[Vector, Vector]:

@@ -213,7 +213,9 @@ def _subset(group: Products, used: np.ndarray) -> Products:
     surfaces = group.surfaces
     if surfaces is not None:
         some = (group.kind[used] == SURFACE).any()
-        surfaces = Surfaces(*(array[used] for array in surfaces)) if some else None
+        half = None if surfaces.half is None else surfaces.half[used]
+        own = (surfaces.shape[used], surfaces.radius[used], surfaces.second[used])
+        surfaces = Surfaces(*own, surfaces.axis[used], half) if some else None
     numbers = (group.kind[used], group.a[used], group.b[used], group.owner[used])
     vectors = (group.n[used], group.s_a[used], group.s_b[used], group.e[used])
     return Products(*numbers, *vectors, surfaces)

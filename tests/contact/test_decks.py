@@ -61,6 +61,7 @@ def test_records_are_those_of_the_deck():
         "golf_hole",
         "turntable",
         "spinning_ball",
+        "ball_on_a_plank",
     ],
 )
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):

@@ -522,6 +522,11 @@ CONTACTS = {
     "boxContact": in_contact(
         BoxContact("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2), 6.0, **SOFT)
     ),
+    "boxContact, friction": in_contact(
+        BoxContact(
+            *("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2)), 6.0, **ROUGH
+        )
+    ),
     "pinContact": in_contact(PIN),
     "pinContact, friction": in_contact(replace(PIN, **ROUGH)),
     "planeContact, disk": in_contact(
@@ -530,6 +535,14 @@ CONTACTS = {
             radius=9.0,
             axis=(0.0, 0.6, 0.8),
             **SOFT,
+        )
+    ),
+    "planeContact, disk with friction": in_contact(
+        PlaneContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), (0.6, 0.0, 0.8)),
+            radius=9.0,
+            axis=(0.0, 0.6, 0.8),
+            **ROUGH,
         )
     ),
     "planeContact, friction": in_contact(

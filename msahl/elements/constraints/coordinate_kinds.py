@@ -113,11 +113,11 @@ def share_beyond(p: float, dp: float, half: float) -> tuple[float, float]:
     """Return the quotient of the changes of what is beyond and of ``p`` over a step from there, and
     its derivative by the end of ``p``.
     """
-    if half == 0.0:
-        return 1.0, 0.0
+    if half == 0.0 or (min(p, p + dp) > half) or (max(p, p + dp) < -half):
+        return 1.0, 0.0  # a quotient would be round-off over round-off where dp is small
+    if max(abs(p), abs(p + dp)) <= half:
+        return 0.0, 0.0
     end = 1.0 if abs(p + dp) > half else 0.0
-    if dp == 0.0:
-        return end, 0.0
     share = (beyond(p + dp, half) - beyond(p, half)) / dp
     return share, (end - share) / dp
 
