@@ -9,11 +9,12 @@ from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
 from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
-from msahl.elements.constraints import curves
+from msahl.elements.constraints import curves, segments
 from msahl.elements.constraints.outlines import NoCurve, corners, curves_of, segments_of
 from msahl.laws.restitution import LEAST_RESTITUTION
 from msahl.model.contacts import (
     BoxContact,
+    CapsuleContact,
     Compliance,
     Contact,
     ContactSide,
@@ -61,6 +62,9 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
     elif isinstance(contact, BoxContact):
         yield from _box_findings(contact)
         yield from _friction_findings(contact)
+    elif isinstance(contact, CapsuleContact):
+        yield from _capsule_findings(contact)
+        yield from _friction_findings(contact)
     elif isinstance(contact, PinContact):
         yield from _pin_findings(contact)
         yield from _friction_findings(contact)
@@ -87,6 +91,22 @@ def _box_findings(contact: BoxContact) -> Iterator[Finding]:
             "it is zero, as parentRadius is: a point on a box with sharp edges has no direction "
         )
         yield Finding("radius", f"{message}of contact there; give one of them")
+
+
+def _capsule_findings(contact: CapsuleContact) -> Iterator[Finding]:
+    yield from negative("radius", contact.radius)
+    yield from negative("parentRadius", contact.parent_radius)
+    for tag, axis in (("parent/axis", contact.parent_axis), ("child/axis", contact.axis)):
+        if abs(math.hypot(*axis) - 1.0) > PARALLEL:
+            yield Finding(tag, "it is no unit vector; divide it by its length")
+    for tag, half in (("parentLength", contact.parent_half), ("length", contact.half)):
+        if not half > 0.0:
+            message = f"it is {2.0 * half:g} m; it must be greater than zero: a capsule without "
+            yield Finding(
+                tag, f"{message}length is a sphere, use a cylinderContact or sphereContact"
+            )
+    if contact.radius + contact.parent_radius == 0.0:
+        yield Finding("radius", "it is zero, as parentRadius is; give one of them")
 
 
 def _pin_findings(contact: PinContact) -> Iterator[Finding]:
@@ -221,6 +241,12 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         if isinstance(contact, SphereContact) and contact.axis is not None:
             axis = context.rotated(contact.axis, contact.parent, INERTIAL)
             D = axpy(-dot(axis, D), axis, D)
+        elif isinstance(contact, CapsuleContact):
+            axis = context.rotated(contact.parent_axis, contact.parent, INERTIAL)
+            other = context.rotated(contact.axis, contact.child, INERTIAL)
+            half, places = (contact.parent_half, contact.half), (dot(axis, D), dot(other, D))
+            u, w, _, _ = segments.feet(half, (*places, dot(axis, other)))
+            D = axpy(w, other, axpy(-u, axis, D))
         if isinstance(contact, BoxContact):
             own = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes)
             pairs = zip(own, contact.half, strict=True)
@@ -241,7 +267,7 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
 def _overlap(side: ContactSide, depth: float) -> str:
     if isinstance(side.contact, PlaneContact):
         return f"it is {depth:.4g} m below the plane at t = 0; move one of the bodies apart"
-    if isinstance(side.contact, SphereContact | BoxContact | PinContact):
+    if isinstance(side.contact, SphereContact | BoxContact | CapsuleContact | PinContact):
         return f"it overlaps by {depth:.4g} m at t = 0; move one of the bodies, or change a radius"
     end, way = ("lower", "below") if side.is_lower else ("upper", "above")
     return (

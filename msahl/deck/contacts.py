@@ -22,6 +22,7 @@ from msahl.deck.values import Reader
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
+    CapsuleContact,
     Compliance,
     Contact,
     DistanceLimit,
@@ -38,7 +39,7 @@ LOAD = {"angle": "moment", "slide": "force"}
 """Physical quantities along each coordinate."""
 CONTACTS = (
     *("jointLimit", "distanceLimit", "planeContact"),
-    *("sphereContact", "cylinderContact", "boxContact", "pinContact"),
+    *("sphereContact", "cylinderContact", "boxContact", "capsuleContact", "pinContact"),
 )
 """Tags of contacts."""
 
@@ -157,9 +158,16 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
     if (box := element.find("box")) is not None:
         x, y, z = (0.5 * size for size in _sizes(box, reader))
         return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law, *friction)
-    axis = None
-    if element.tag == "cylinderContact":
+    if element.tag == "capsuleContact":
         axis = _parents_direction(element, "axis", ends, reader)
+        other = _childs_axis(element, ends, reader)
+        lengths = [element.find(tag) for tag in ("parentLength", "length")]
+        ends_at, own = (0.5 * reader.number(length, "length") for length in lengths)
+        sizes = (ends_at, own, parent_radius, radius)
+        return CapsuleContact(name, *points, axis, other, *sizes, *law, *friction)
+    about = None
+    if element.tag == "cylinderContact":
+        about = axis = _parents_direction(element, "axis", ends, reader)
         if (length := element.find("length")) is not None:
             if parent_radius < 0.0:
                 message = "a hollow cylinder has no ends; delete <length>, or give a radius > 0"
@@ -168,7 +176,7 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
             return BoxContact(
                 *(name, *points, half, parent_radius, radius, *law, *friction), frame(axis)
             )
-    return SphereContact(name, *points, parent_radius, radius, axis, *law, *friction)
+    return SphereContact(name, *points, parent_radius, radius, about, *law, *friction)
 
 
 def _pin_contact(
@@ -232,6 +240,14 @@ def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -
     if direction is None or not reader.is_known(ends.parent):
         return (0.0, 0.0, 1.0)
     return _own_direction(element, f"parent/{tag}", direction, ends.parent, reader)
+
+
+def _childs_axis(element: Element, ends: Ends, reader: Reader) -> Vector:
+    """Return the unit vector along the child's axis, in the child's axes."""
+    direction = side_direction(element, "child", "axis", reader)
+    if direction is None or not reader.is_known(ends.child):
+        return (0.0, 0.0, 1.0)
+    return _own_direction(element, "child/axis", direction, ends.child, reader)
 
 
 def _own_direction(

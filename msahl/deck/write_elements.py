@@ -39,7 +39,7 @@ from msahl.model import (
     SphereContact,
     SpringDamper,
 )
-from msahl.model.contacts import BetweenPoints, BoxContact, Contact, WithFriction
+from msahl.model.contacts import BetweenPoints, BoxContact, CapsuleContact, Contact, WithFriction
 from msahl.model.curves import STRAIGHT, Point
 
 Sides = tuple[Matrix, Matrix]
@@ -207,6 +207,19 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
     _friction(element, contact)
 
 
+def _capsule_contact(group: Element, contact: CapsuleContact, context: Context) -> None:
+    element = _named(group, "capsuleContact", contact.name)
+    parent, own = _ends(element, contact, None)
+    vector(parent, "axis", contact.parent_axis)
+    vector(own, "axis", contact.axis)
+    number(element, "parentRadius", contact.parent_radius, "length")
+    number(element, "parentLength", 2.0 * contact.parent_half, "length")
+    number(element, "radius", contact.radius, "length")
+    number(element, "length", 2.0 * contact.half, "length")
+    _contact_law(element, contact, "slide")
+    _friction(element, contact)
+
+
 def _pin_contact(group: Element, contact: PinContact, context: Context) -> None:
     element = _named(group, "pinContact", contact.name)
     parent, own = _ends(element, contact, None)
@@ -364,6 +377,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     PlaneContact: _plane_contact,
     SphereContact: _sphere_contact,
     BoxContact: _box_contact,
+    CapsuleContact: _capsule_contact,
     PinContact: _pin_contact,
     ConcentratedLoad: _concentrated,
     SpringDamper: _spring_damper,

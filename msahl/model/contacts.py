@@ -126,6 +126,30 @@ class BoxContact:
 
 
 @record
+class CapsuleContact:
+    """A capsule of the child is outside of one of the parent. Each is a segment about its point,
+    from one end to the other twice ``parent_half`` or ``half`` [m], along ``parent_axis`` or
+    ``axis``, unit vectors in the axes of its body, with ``parent_radius`` or ``radius`` about it.
+    Points, sizes [m] and friction as above."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_axis: Vector
+    axis: Vector
+    parent_half: float
+    half: float
+    parent_radius: float
+    radius: float
+    restitution: float = 0.0
+    compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
+
+
+@record
 class PinContact:
     """A pin of the child about ``child_point``, or a point (``radius`` 0), is on the free side of a
     planar ``curve`` of the parent about ``parent_point``, in the plane of the first two rows of
@@ -147,7 +171,7 @@ class PinContact:
     reference: Vector = IDENTITY[0]
 
 
-WithFriction: TypeAlias = PlaneContact | SphereContact | BoxContact | PinContact
+WithFriction: TypeAlias = PlaneContact | SphereContact | BoxContact | CapsuleContact | PinContact
 BetweenPoints: TypeAlias = DistanceLimit | WithFriction
 Contact: TypeAlias = JointLimit | BetweenPoints
 
@@ -175,7 +199,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     if isinstance(contact, SphereContact):
         limit = abs(contact.parent_radius + contact.radius)
         return (ContactSide(contact.name, contact, contact.parent_radius >= 0.0, limit),)
-    if isinstance(contact, BoxContact):
+    if isinstance(contact, BoxContact | CapsuleContact):
         limit = contact.parent_radius + contact.radius
         return (ContactSide(contact.name, contact, True, limit),)
     if isinstance(contact, PinContact):

@@ -8,7 +8,7 @@ the numbers of the model side by side; ``topology`` takes the indices, ``paramet
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from msahl.joints.joint import (
     perpendicular,
     rim_height,
     roll,
+    segment_distance,
 )
 from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
@@ -53,6 +54,7 @@ from msahl.model.beams import Beam, is_damped
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
+    CapsuleContact,
     Contact,
     ContactSide,
     JointLimit,
@@ -386,6 +388,9 @@ class _Collector:
                 along = rim_height(contact.normal, contact.axis, contact.radius)
         elif isinstance(contact, BoxContact):
             along = box_distance(contact.axes, contact.half)
+        elif isinstance(contact, CapsuleContact):
+            ends = (contact.parent_half, contact.half)
+            along = segment_distance(contact.parent_axis, contact.axis, ends)
         elif isinstance(contact, PinContact):
             along = curve_distance(*contact.axes[:2], contact.curve)
         elif isinstance(contact, SphereContact) and contact.axis is not None:
@@ -545,6 +550,10 @@ def _compliant_parameters(side: ContactSide) -> Parameters:
     )
 
 
+Round: TypeAlias = PlaneContact | SphereContact | BoxContact | CapsuleContact
+"""Contacts whose points move on both surfaces."""
+
+
 def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equation]:
     """Return the equations by which a contact sticks, along two tangents; ``on_ground`` says that
     the parent is a ground.
@@ -559,11 +568,11 @@ def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equatio
     if isinstance(contact, PinContact):
         along = curve_slip(contact.axes, contact.curve, contact.radius, contact.reference)
         return along, in_plane(contact.axes[2])
-    assert isinstance(contact, PlaneContact | SphereContact | BoxContact)
+    assert isinstance(contact, Round)
     return _rubs(contact, False), _rubs(contact, True)
 
 
-def _rubs(contact: PlaneContact | SphereContact | BoxContact, second: bool) -> Equation:
+def _rubs(contact: Round, second: bool) -> Equation:
     """The surfaces do not move against each other along one of two tangents."""
     owner, e, half, radius = PARENT, ZERO, None, contact.radius
     if isinstance(contact, PlaneContact):
@@ -571,6 +580,9 @@ def _rubs(contact: PlaneContact | SphereContact | BoxContact, second: bool) -> E
         n, e = contact.normal, contact.axis or ZERO
     elif isinstance(contact, BoxContact):
         shape, half, (e, _, n) = contact_points.BOX, contact.half, contact.axes
+    elif isinstance(contact, CapsuleContact):
+        shape, n, e = contact_points.LINES, contact.parent_axis, contact.axis
+        half = (contact.parent_half, contact.half, 0.0)
     else:
         radius = math.copysign(contact.radius, contact.parent_radius)
         shape, n = contact_points.CYLINDER, contact.axis or ZERO

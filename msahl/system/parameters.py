@@ -159,11 +159,17 @@ def _scalar(
             ),
             radius=_numbers(coordinate.radius for coordinate, _ in elements.coordinates),
             curves=curves_of([coordinate.curve for coordinate, _ in elements.coordinates]),
+            ends=_ends([coordinate.ends for coordinate, _ in elements.coordinates]),
         ),
         equations=_equations(elements, topology, frames),
         laws=laws,
         equation_column=topology.equation_column,
     )
+
+
+def _ends(found: Sequence[tuple[float, float]]) -> np.ndarray | None:
+    """Return the half lengths (q, 2) of segments [m], None if there are none."""
+    return _numbers(found).reshape(-1, 2) if any(map(any, found)) else None
 
 
 def _surfaces(found: Sequence[Surface | None]) -> Surfaces | None:

@@ -204,8 +204,14 @@ def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates
         radius=group.radius[used],
         block=group.block[used],
         curves=curves.subset(group.curves, used),
+        ends=_ends(group.ends, used),
     )
     return coords, number
+
+
+def _ends(ends: np.ndarray | None, used: np.ndarray) -> np.ndarray | None:
+    """Return the half lengths of the ``used`` coordinates (n,); None if these have none."""
+    return ends[used] if ends is not None and ends[used].any() else None
 
 
 def _subset(group: Products, used: np.ndarray) -> Products:

@@ -62,6 +62,7 @@ def test_records_are_those_of_the_deck():
         "turntable",
         "spinning_ball",
         "ball_on_a_plank",
+        "crossed_rods",
     ],
 )
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):

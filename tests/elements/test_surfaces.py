@@ -6,10 +6,10 @@ import pytest
 from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
 from msahl.check.directions import frame
-from msahl.elements.constraints import coordinates, surfaces
+from msahl.elements.constraints import coordinates, segments, surfaces
 from msahl.elements.constraints.coordinate_jacobians import stiffness
 from msahl.elements.constraints.coordinates import part_node
-from msahl.model import BoxContact, PlaneContact, SphereContact
+from msahl.model import BoxContact, CapsuleContact, PlaneContact, SphereContact
 from msahl.system.arrays import new_coordinates_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.state import build_state
@@ -27,6 +27,15 @@ CONTACTS = {
     "box": BoxContact(*ENDS, (0.2, 0.1, 0.3), 0.05, 0.7, friction=0.3),
     "side of a box": BoxContact(*ENDS, (20.0, 20.0, 0.01), 0.05, 0.7, friction=0.3),
     "capsule": BoxContact(*ENDS, (0.0, 0.0, 0.8), 0.3, 0.7, friction=0.3, axes=frame(SLANTED)),
+    "capsules, sides": CapsuleContact(
+        *ENDS, SLANTED, (0.0, 0.6, 0.8), 30.0, 30.0, 0.2, 0.7, friction=0.3
+    ),
+    "capsules, ends": CapsuleContact(
+        *ENDS, SLANTED, (0.0, 0.6, 0.8), 0.1, 0.1, 0.2, 0.7, friction=0.3
+    ),
+    "capsules, side and end": CapsuleContact(
+        *ENDS, SLANTED, (0.0, 0.6, 0.8), 30.0, 0.1, 0.2, 0.7, friction=0.3
+    ),
     "rim": PlaneContact(*ENDS, SLANTED, 0.7, axis=(0.0, 0.6, 0.8), friction=0.3),
 }
 every_contact = pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)
@@ -106,6 +115,12 @@ def _touch(contact, D, R):
         own = np.array(contact.axes) @ R[0].T @ D
         E = R[0] @ np.array(contact.axes).T @ (own - np.clip(own, *np.outer((-1, 1), contact.half)))
         return E / np.linalg.norm(E), -contact.radius * E / np.linalg.norm(E)
+    if isinstance(contact, CapsuleContact):
+        e = R[1] @ np.array(contact.axis)
+        half, places = (contact.parent_half, contact.half), (D @ d, D @ e, d @ e)
+        u, w, _, _ = segments.feet(half, places)
+        E = D + w * e - u * d
+        return E / np.linalg.norm(E), w * e - contact.radius * E / np.linalg.norm(E)
     if isinstance(contact, PlaneContact):
         if contact.axis is None:
             return d, -contact.radius * d

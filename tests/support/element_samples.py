@@ -19,6 +19,7 @@ from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     BoxContact,
     Bushing,
+    CapsuleContact,
     Compliance,
     ConcentratedLoad,
     Coupling,
@@ -494,6 +495,10 @@ PIN = PinContact(
     reference=(0.0, 0.6, 0.8),
     **SOFT,
 )
+CAPSULES = (
+    *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2)),
+    *((0.6, 0.0, 0.8), (0.0, 0.6, 0.8), 0.3, 0.4, 4.0, 2.0),
+)
 CONTACTS = {
     "jointLimit": in_contact(JointLimit("C", "J0", "slide", 5.0, None, **SOFT)),
     "jointLimit, angle": in_contact(JointLimit("C", "J0", "angle", None, -5.0, **SOFT)),
@@ -527,6 +532,8 @@ CONTACTS = {
             *("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2)), 6.0, **ROUGH
         )
     ),
+    "capsuleContact": in_contact(CapsuleContact(*CAPSULES, **SOFT)),
+    "capsuleContact, friction": in_contact(CapsuleContact(*CAPSULES, **ROUGH)),
     "pinContact": in_contact(PIN),
     "pinContact, friction": in_contact(replace(PIN, **ROUGH)),
     "planeContact, disk": in_contact(

@@ -1,4 +1,4 @@
-"""Points where a sphere or a rim of frame B touches a box or a plane of frame A.
+"""Points of contact of spheres, rims and capsules of frame B on boxes, planes and capsules of A.
 
 Beside the vector a of ``surfaces`` these shapes have a second one, e. With D from A's point to B's
 the normal n, towards B, and rho from B's point to the point of contact are
@@ -7,6 +7,8 @@ the normal n, towards B, and rho from B's point to the point of contact are
             n = E/|E|,  E = sum b_i a_i,  b_i what of D . a_i is beyond -h_i and h_i;  rho = -r n
     RIM     a fixed in A, the normal of a plane; e fixed in B, the axis of a disk of radius r;
             n = a,  rho = -r m/|m|,  m = a - (a.e) e
+    LINES   a fixed in A and e in B, the axes of capsules; with u and w of ``segments``
+            n = E/|E|,  E = D + w e - u a,  rho = w e - r n
 
 Over a step n and rho are the means of those at its start and at its end: vectors between nearest
 points are short, and means of the long ones that they are differences of would not do for them.
@@ -40,6 +42,7 @@ from msahl.elements.constraints.products import (
     ProductsWorkspace,
     moved,
 )
+from msahl.elements.constraints.segments import feet, feet_change
 from msahl.formulations.absolute.frames import (
     Frames,
     direction,
@@ -48,7 +51,7 @@ from msahl.formulations.absolute.frames import (
 )
 from msahl.jit.kernel import kernel, optional
 
-PLANE, CYLINDER, SPHERE, BOX, RIM = range(5)
+PLANE, CYLINDER, SPHERE, BOX, RIM, LINES = range(6)
 """Shapes of ``surfaces`` and, from BOX on, of this module."""
 
 Touch = tuple[Vector, Vector]
@@ -95,6 +98,10 @@ def touch(shape: int, h: Vector, r: float, a: Vector, e: Vector, D: Vector) -> T
     """Return n and rho at one configuration."""
     if shape == RIM:
         return a, scale(-r, unit(axpy(-dot(a, e), e, a)))
+    if shape == LINES:
+        u, w, _, _ = feet((h[0], h[1]), (dot(a, D), dot(e, D), dot(a, e)))
+        n = unit(axpy(w, e, axpy(-u, a, D)))
+        return n, axpy(-r, n, scale(w, e))
     n = unit(_outside(h, a, e, D))
     return n, scale(-r, n)
 
@@ -122,6 +129,8 @@ def touch_change(
         c, dc = dot(a, e), dot(da, e) + dot(a, de)
         m, dm = axpy(-c, e, a), axpy(-c, de, axpy(-dc, e, da))
         return da, scale(-r, unit_change(unit(m), math.sqrt(dot(m, m)), dm))
+    if shape == LINES:
+        return _between_lines_change(h, r, place, change)
     y, dy = cross(a, e), add(cross(da, e), cross(a, de))
     dE = _outside_change(h[0], (e, D), (de, dD))
     dE = add(dE, _outside_change(h[1], (y, D), (dy, dD)))
@@ -129,6 +138,27 @@ def touch_change(
     E = _outside(h, a, e, D)
     dn = unit_change(unit(E), math.sqrt(dot(E, E)), dE)
     return dn, scale(-r, dn)
+
+
+@kernel
+def _between_lines_change(
+    h: Vector,
+    r: float,
+    place: tuple[Vector, Vector, Vector],
+    change: tuple[Vector, Vector, Vector],
+) -> Touch:
+    """Do likewise of two capsules."""
+    (a, e, D), (da, de, dD) = place, change
+    m = (dot(a, D), dot(e, D), dot(a, e))
+    dm = (dot(da, D) + dot(a, dD), dot(de, D) + dot(e, dD), dot(da, e) + dot(a, de))
+    at_feet = feet((h[0], h[1]), m)
+    u, w = at_feet[0], at_feet[1]
+    du, dw = feet_change(m, at_feet, dm)
+    E = axpy(w, e, axpy(-u, a, D))
+    to_B = axpy(dw, e, scale(w, de))
+    dE = axpy(-du, a, axpy(-u, da, add(dD, to_B)))
+    dn = unit_change(unit(E), math.sqrt(dot(E, E)), dE)
+    return dn, axpy(-r, dn, to_B)
 
 
 @kernel
