@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import Vector, axpy, cross, dot, sub
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
 from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
+from msahl.check.laws import law_findings
 from msahl.elements.constraints import curves, segments
 from msahl.elements.constraints.outlines import NoCurve, corners, curves_of, segments_of
 from msahl.laws.restitution import LEAST_RESTITUTION
@@ -158,7 +161,14 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
     if found:
         return
     e, speed = contact.restitution, compliance.impact_speed
-    if not compliance.stiffness > 0.0:
+    if compliance.table is not None:
+        yield from _table_findings(compliance.table)
+        if compliance.stiffness != 0.0 or compliance.exponent != 1.0:
+            message = (
+                "<table> has the force over the depth already; delete <stiffness> and <exponent>"
+            )
+            yield Finding("table", message)
+    elif not compliance.stiffness > 0.0:
         message = f"it is {compliance.stiffness:g}; it must be greater than zero, or delete it: a "
         yield Finding("stiffness", f"{message}contact without stiffness is rigid")
     if not 1.0 <= compliance.exponent <= LARGEST_EXPONENT:
@@ -173,6 +183,28 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
         message = f"with a damping by which the restitution is {e:g} at one speed of impact, it is "
         message += "another at others; add <impactSpeed>, the speed at which it is that"
         yield Finding("restitution", message)
+
+
+def _table_findings(table: Law) -> Iterator[Finding]:
+    """Find a table that is no force of a contact."""
+    found = [*law_findings(table, "the depth")]
+    for finding in found:
+        yield Finding("table", finding.message)
+    half = len(table.numbers) // 2
+    depth, force = table.numbers[:half], table.numbers[half:]
+    if found:
+        return
+    if table.kind != "linear":
+        message = f"it is {table.kind}, which may pull between its entries; make it linear"
+        yield Finding("table", message)
+    if depth[0] != 0.0 or force[0] != 0.0:
+        message = (
+            f"it begins with {force[0]:g} at the depth {depth[0]:g}; the first entry is 0 at 0"
+        )
+        yield Finding("table", message)
+    if any(after < before for before, after in pairwise(force)):
+        message = "its force falls with the depth, so that a contact jumps; let it rise"
+        yield Finding("table", message)
 
 
 def _friction_findings(contact: WithFriction) -> Iterator[Finding]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Vector, add, axpy
 from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
@@ -15,6 +16,7 @@ from msahl.deck.contact_sets import CONTACT_SET, Touch, pairs_of
 from msahl.deck.curves import read_curve
 from msahl.deck.ends import REFERENCE_PARALLEL, Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
+from msahl.deck.laws import read_table
 from msahl.deck.motions import UNIT
 from msahl.deck.springs import QUANTITIES
 from msahl.deck.units import DEFAULTS, to_si
@@ -63,7 +65,7 @@ def is_switchable(element: Element) -> bool:
     many = ("capsuleEnd", "box", "length") if element.tag == "planeContact" else ()
     if element.tag == CONTACT_SET:
         return False
-    return not any(element.find(tag) is not None for tag in ("stiffness", *many))
+    return not any(element.find(tag) is not None for tag in ("stiffness", "table", *many))
 
 
 def _read_set(element: Element, reader: Reader) -> Iterator[Contact]:
@@ -280,7 +282,8 @@ def _joint_limit(element: Element, reader: Reader) -> JointLimit:
 def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Compliance | None]:
     """Return the restitution of a contact along a coordinate, and its compliance if it has one."""
     stiffness, given = element.find("stiffness"), element.find("restitution")
-    if stiffness is None:
+    table = element.find("table")
+    if stiffness is None and table is None:
         for tag in COMPLIANT:
             place = element.find(tag)
             if place is not None:
@@ -290,12 +293,23 @@ def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Comp
     speed, exponent = element.find("impactSpeed"), element.find("exponent")
     power = 1.0 if exponent is None else reader.number(exponent)
     compliance = Compliance(
-        stiffness=_stiffness(stiffness, power, coordinate, reader),
+        stiffness=0.0 if stiffness is None else _stiffness(stiffness, power, coordinate, reader),
         exponent=power,
         impact_speed=None if speed is None else reader.number(speed, SPEED[coordinate]),
         friction_width=_number_or_none(element, "frictionWidth", reader, "velocity"),
+        table=None if table is None else _force_table(table, coordinate, reader),
     )
     return 1.0 if given is None else reader.number(given), compliance
+
+
+def _force_table(element: Element, coordinate: str, reader: Reader) -> Law:
+    """Return the force over the depth of a contact along a ``coordinate``."""
+    along, load = UNIT[coordinate], LOAD[coordinate]
+    if any(entry.find(along) is None or entry.find(load) is None for entry in element):
+        message = f"along this coordinate its entries have <{along}> and <{load}>; give these"
+        reader.faults.add(element, message)
+        return Law("linear", (0.0, 1.0, 0.0, 0.0))
+    return read_table(element, (along, along), (load, load), reader)
 
 
 def _stiffness(element: Element, power: float, coordinate: str, reader: Reader) -> float:

@@ -8,7 +8,7 @@ from msahl.algebra.vector import IDENTITY, Matrix, Vector, transpose
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import crossed_references, frame, shared_references, unit
 from msahl.check.joints import SCALES
-from msahl.deck.contacts import SPEED
+from msahl.deck.contacts import LOAD, SPEED
 from msahl.deck.couplings import QUANTITIES as COUPLED
 from msahl.deck.elements import child, law, number, number_unless, numbers, table, vector
 from msahl.deck.ends import SIDES, carried
@@ -258,7 +258,11 @@ def _contact_law(element: Element, contact: Contact, coordinate: str) -> None:
     if law is not None:
         is_linear = law.exponent == 1.0
         unit = QUANTITIES[coordinate][0] if is_linear else ""
-        number(element, "stiffness", law.stiffness, unit)
+        if law.table is None:
+            number(element, "stiffness", law.stiffness, unit)
+        else:
+            along, load = UNIT[coordinate], LOAD[coordinate]
+            table(element, law.table, (along, along), (load, load))
         number_unless(element, 1.0, "exponent", law.exponent)
         number(element, "impactSpeed", law.impact_speed, SPEED[coordinate])
         number(element, "frictionWidth", law.friction_width, "velocity")

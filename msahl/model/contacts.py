@@ -11,6 +11,7 @@ pushes (``laws.contact``).
 
 from typing import TypeAlias
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix, Vector
 from msahl.model.curves import Curve
 from msahl.records import record
@@ -20,15 +21,17 @@ POISSON, NEWTON, STRONGE = IMPACT_LAWS = ("poisson", "newton", "stronge")
 
 @record
 class Compliance:
-    """The force of a contact is ``stiffness`` [N/m^n, or N m/rad^n] times depth^``exponent``. In an
-    impact at ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not
-    damped, and the restitution is 1. ``friction_width`` is the slip [m/s] at which three quarters
-    of its friction act, None without friction."""
+    """The force of a contact is ``stiffness`` [N/m^n, or N m/rad^n] times depth^``exponent``, or
+    that of a linear ``table`` over the depth, which begins with zero at zero. In an impact at
+    ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not damped, and
+    the restitution is 1. ``friction_width`` is the slip [m/s] at which three quarters of its
+    friction act, None without friction."""
 
     stiffness: float
     exponent: float = 1.0
     impact_speed: float | None = None
     friction_width: float | None = None
+    table: Law | None = None
 
 
 @record

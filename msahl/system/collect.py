@@ -401,6 +401,7 @@ class _Collector:
     def _compliant_contact(self, column: int, contact: Contact) -> None:
         """Add the forces of a compliant contact, one for each side."""
         coordinate, offset = self._along_contact(contact), 0.0
+        assert contact.compliance is not None
         if isinstance(contact, JointLimit) and contact.coordinate == "angle":
             offset = angle_offset(self.joints[contact.joint])
         for side in sides_of(contact):
@@ -411,6 +412,7 @@ class _Collector:
                 column=column,
                 origin=-offset,
                 free=side.limit,
+                table=self.elements.add_law(_tension_of(contact.compliance.table, side)),
                 joint=_pressing(CONTACT),
             )
             self.elements.along.append(entry)
@@ -533,6 +535,18 @@ def _pressing(law: CoordinateLaw, joint: int = NO_JOINT) -> int:
     if law.by_tension:
         return OWN_TENSION
     return joint if law.by_reaction else NO_JOINT
+
+
+def _tension_of(table: Law | None, side: ContactSide) -> Law | None:
+    """Return the tension over the coordinate, by the ``table`` of the force over the depth."""
+    if table is None:
+        return None
+    depth, force = np.array(table.numbers).reshape(2, -1)
+    x, T = side.limit - side.sign * depth, -side.sign * force
+    beyond = side.limit + side.sign * depth[-1]  # where the gap is open
+    order = slice(None, None, -1 if side.is_lower else 1)
+    x, T = np.array([beyond, *x]), np.array([0.0, *T])
+    return Law(table.kind, (*x[order].tolist(), *T[order].tolist()))
 
 
 def _compliant_parameters(side: ContactSide) -> Parameters:

@@ -63,6 +63,7 @@ def test_records_are_those_of_the_deck():
         "spinning_ball",
         "ball_on_a_plank",
         "crossed_rods",
+        "bump_stop",
     ],
 )
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
