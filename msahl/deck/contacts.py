@@ -305,7 +305,7 @@ def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Comp
 def _force_table(element: Element, coordinate: str, reader: Reader) -> Law:
     """Return the force over the depth of a contact along a ``coordinate``."""
     along, load = UNIT[coordinate], LOAD[coordinate]
-    if any(entry.find(along) is None or entry.find(load) is None for entry in element):
+    if any({part.tag for part in entry} != {along, load} for entry in element):
         message = f"along this coordinate its entries have <{along}> and <{load}>; give these"
         reader.faults.add(element, message)
         return Law("linear", (0.0, 1.0, 0.0, 0.0))

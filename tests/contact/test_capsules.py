@@ -92,7 +92,9 @@ def test_the_rod_of_the_deck_bounces_on_another_one():
     last = sink.table("states")[-1]
     assert last[1:4] == pytest.approx([0.2, 0.0, 0.042753102962], abs=1e-11)
     pitch = from_axis_angle(Y, 0.758510343208)
-    assert np.array(matrix(tuple(last[4:7]))) == pytest.approx(np.array(matrix(pitch)), abs=1e-9)
+    assert np.array(matrix(tuple(last[4:7]))) == pytest.approx(
+        np.array(matrix(pitch)), abs=2e-8
+    )  # by steps of 0.1 rad
     assert report.contacts["energyLost"] == pytest.approx(2.207250000000, abs=1e-10)
 
 
