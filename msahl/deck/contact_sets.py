@@ -77,7 +77,8 @@ def _contacts(label: str, one: _Member, other: _Member, touch: Touch) -> Iterato
     if one.normal is not None and other.axis is not None:
         for k, sign in ((1, -1.0), (2, 1.0)):
             end = axpy(sign * other.half, other.axis, other.point)
-            yield PlaneContact(f"{label}.{k}", *ends[:3], end, one.normal, other.radius, *law)
+            at_end = (one.body, other.body, one.point, end)
+            yield PlaneContact(f"{label}.{k}", *at_end, one.normal, other.radius, *law)
     elif one.normal is not None:
         yield PlaneContact(label, *ends, one.normal, other.radius, *law)
     elif one.axis is None:

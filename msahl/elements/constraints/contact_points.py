@@ -40,6 +40,7 @@ from msahl.elements.constraints.products import (
     U_A,
     Products,
     ProductsWorkspace,
+    Surfaces,
     moved,
 )
 from msahl.elements.constraints.segments import feet, feet_change
@@ -171,16 +172,16 @@ def _outside_change(h: float, of: tuple[Vector, Vector], change: tuple[Vector, V
 
 
 @optional(NO_TOUCH)
-def now(half: np.ndarray, shape: int, radius: float, start: ProductsWorkspace, k: int) -> Touch:
+def now(half: np.ndarray, group: Surfaces, start: ProductsWorkspace, k: int) -> Touch:
     """Return n and rho at the start."""
+    shape, radius = group.shape[k], group.radius[k]
     return touch(shape, at(half, k), radius, at(start.n, k), at(start.e, k), at(start.D, k))
 
 
 @optional(NO_TOUCH)
 def rate_of_touch(
     half: np.ndarray,
-    shape: int,
-    radius: float,
+    group: Surfaces,
     products: Products,
     start: ProductsWorkspace,
     W: np.ndarray,
@@ -188,6 +189,7 @@ def rate_of_touch(
     k: int,
 ) -> Touch:
     """Return the rates of n and rho at the start."""
+    shape, radius = group.shape[k], group.radius[k]
     a, e, D = at(start.n, k), at(start.e, k), at(start.D, k)
     a_dot = cross(at(W, products.owner[k]), a)
     e_dot = cross(at(W, owner_of(products, shape, k)), e)
@@ -209,8 +211,7 @@ def _at_end(
 @optional(NO_TOUCH)
 def over_step(
     half: np.ndarray,
-    shape: int,
-    radius: float,
+    group: Surfaces,
     products: Products,
     start: ProductsWorkspace,
     frames: Frames,
@@ -218,6 +219,7 @@ def over_step(
     k: int,
 ) -> Touch:
     """Return the means of n and rho over a step."""
+    shape, radius = group.shape[k], group.radius[k]
     n, rho = touch(shape, at(half, k), radius, at(start.n, k), at(start.e, k), at(start.D, k))
     end = _at_end(products, start, frames, Z, shape, k)
     m, to_end = touch(shape, at(half, k), radius, end[0], end[1], end[2])
@@ -227,16 +229,18 @@ def over_step(
 @optional((NO_MATRIX, NO_MATRIX))
 def slopes(
     half: np.ndarray,
-    shape: int,
-    radius: float,
+    group: Surfaces,
     products: Products,
     start: ProductsWorkspace,
     frames: Frames,
     Z: np.ndarray,
-    k: int,
-    part: int,
+    numbers: tuple[int, int],
 ) -> tuple[Matrix, Matrix]:
-    """Return the derivatives of the means of n and rho by the unknowns of a ``part``."""
+    """Return the derivatives of the means of n and rho of a product by the unknowns of a part, of
+    these ``numbers``.
+    """
+    k, part = numbers
+    shape, radius = group.shape[k], group.radius[k]
     a, b = products.a[k], products.b[k]
     by_a = by_e = NO_MATRIX
     by_D = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

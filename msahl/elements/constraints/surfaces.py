@@ -153,14 +153,13 @@ def place_of(
     k: int,
 ) -> Place:
     """Return the means over the step of what a slip depends on."""
-    own, shape, r = group.half, group.shape[k], group.radius[k]
     dD = moved(products, start, frames, Z, k)
     return (
         mean(frames, Z, products.owner[k], at(start.n, k)),
         axpy(0.5, dD, at(start.D, k)),
         mean(frames, Z, products.a[k], at(start.r_a, k)),
         mean(frames, Z, products.b[k], at(start.r_b, k)),
-        contact_points.over_step(own, shape, r, products, start, frames, Z, k),
+        contact_points.over_step(group.half, group, products, start, frames, Z, k),
     )
 
 
@@ -255,8 +254,7 @@ def slope(
         half = -0.5 if part == U_A else 0.5
         by_D = ((half, 0.0, 0.0), (0.0, half, 0.0), (0.0, 0.0, half))
     _, t, rho = directions(group, k, place)
-    own, shape, r = group.half, group.shape[k], group.radius[k]
-    touch = contact_points.slopes(own, shape, r, products, start, frames, Z, k, part)
+    touch = contact_points.slopes(group.half, group, products, start, frames, Z, (k, part))
     _, by_t, by_rho = by_columns(group, k, place, (by_a, by_D, touch[0], touch[1]))
     arm_a = add(rho, add(r_a, D))
     arm_b = add(rho, r_b)
@@ -331,7 +329,7 @@ def stiffness(
 
 @kernel
 def _now(group: Surfaces, start: ProductsWorkspace, k: int) -> Place:
-    touch = contact_points.now(group.half, group.shape[k], group.radius[k], start, k)
+    touch = contact_points.now(group.half, group, start, k)
     return (at(start.n, k), at(start.D, k), at(start.r_a, k), at(start.r_b, k), touch)
 
 
@@ -365,8 +363,7 @@ def rate_of_slip(
     u = sub(at(v, b), at(v, a))
     r_a, r_b = cross(at(W, a), arm_a), cross(at(W, b), arm_b)
     D_dot = add(u, sub(r_b, r_a))
-    own, shape, r = group.half, group.shape[k], group.radius[k]
-    touch = contact_points.rate_of_touch(own, shape, r, products, start, W, D_dot, k)
+    touch = contact_points.rate_of_touch(group.half, group, products, start, W, D_dot, k)
     _, t, rho = directions(group, k, place)
     a_dot = cross(at(W, products.owner[k]), d)
     _, t_dot, rho_dot = changes(group, k, place, a_dot, D_dot, touch)
