@@ -2,18 +2,22 @@
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import Vector, axpy, cross, dot, sub
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
 from msahl.check.faults import Finding, negative, number_findings
 from msahl.check.joints import coordinate_findings
-from msahl.elements.constraints import curves
+from msahl.check.laws import law_findings
+from msahl.elements.constraints import curves, segments
 from msahl.elements.constraints.outlines import NoCurve, corners, curves_of, segments_of
 from msahl.laws.restitution import LEAST_RESTITUTION
 from msahl.model.contacts import (
     BoxContact,
+    CapsuleContact,
     Compliance,
     Contact,
     ContactSide,
@@ -22,6 +26,7 @@ from msahl.model.contacts import (
     PinContact,
     PlaneContact,
     SphereContact,
+    WithFriction,
     friction_of,
     sides_of,
 )
@@ -52,13 +57,17 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         if abs(math.hypot(*contact.normal) - 1.0) > PARALLEL:
             yield Finding("normal", "it is no unit vector; divide it by its length")
         if contact.axis is not None:
-            yield from _rim_findings(contact, contact.axis, context)
+            yield from _rim_findings(contact, contact.axis)
         yield from _friction_findings(contact)
     elif isinstance(contact, SphereContact):
         yield from _radius_findings(contact)
         yield from _friction_findings(contact)
     elif isinstance(contact, BoxContact):
         yield from _box_findings(contact)
+        yield from _friction_findings(contact)
+    elif isinstance(contact, CapsuleContact):
+        yield from _capsule_findings(contact)
+        yield from _friction_findings(contact)
     elif isinstance(contact, PinContact):
         yield from _pin_findings(contact)
         yield from _friction_findings(contact)
@@ -66,18 +75,11 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         yield from _range_findings(contact)
 
 
-def _rim_findings(contact: PlaneContact, axis: Vector, context: Context) -> Iterator[Finding]:
+def _rim_findings(contact: PlaneContact, axis: Vector) -> Iterator[Finding]:
     if abs(math.hypot(*axis) - 1.0) > PARALLEL:
         yield Finding("axis", "it is no unit vector; divide it by its length")
     if contact.radius == 0.0:
         yield Finding("radius", "a disk has a radius; give it, or delete the child's <axis>")
-    moves = contact.parent in context.axes and contact.parent not in context.grounds
-    if contact.friction > 0.0 and moves:
-        message = (
-            f"a disk has friction on a plane of a ground only, and '{contact.parent}' is a body; "
-            "give the plane to a ground, or delete <friction>"
-        )
-        yield Finding("friction", message)
 
 
 def _box_findings(contact: BoxContact) -> Iterator[Finding]:
@@ -92,6 +94,22 @@ def _box_findings(contact: BoxContact) -> Iterator[Finding]:
             "it is zero, as parentRadius is: a point on a box with sharp edges has no direction "
         )
         yield Finding("radius", f"{message}of contact there; give one of them")
+
+
+def _capsule_findings(contact: CapsuleContact) -> Iterator[Finding]:
+    yield from negative("radius", contact.radius)
+    yield from negative("parentRadius", contact.parent_radius)
+    for tag, axis in (("parent/axis", contact.parent_axis), ("child/axis", contact.axis)):
+        if abs(math.hypot(*axis) - 1.0) > PARALLEL:
+            yield Finding(tag, "it is no unit vector; divide it by its length")
+    for tag, half in (("parentLength", contact.parent_half), ("length", contact.half)):
+        if not half > 0.0:
+            message = f"it is {2.0 * half:g} m; it must be greater than zero: a capsule without "
+            yield Finding(
+                tag, f"{message}length is a sphere, use a cylinderContact or sphereContact"
+            )
+    if contact.radius + contact.parent_radius == 0.0:
+        yield Finding("radius", "it is zero, as parentRadius is; give one of them")
 
 
 def _pin_findings(contact: PinContact) -> Iterator[Finding]:
@@ -143,7 +161,14 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
     if found:
         return
     e, speed = contact.restitution, compliance.impact_speed
-    if not compliance.stiffness > 0.0:
+    if compliance.table is not None:
+        yield from _table_findings(compliance.table)
+        if compliance.stiffness != 0.0 or compliance.exponent != 1.0:
+            message = (
+                "<table> has the force over the depth already; delete <stiffness> and <exponent>"
+            )
+            yield Finding("table", message)
+    elif not compliance.stiffness > 0.0:
         message = f"it is {compliance.stiffness:g}; it must be greater than zero, or delete it: a "
         yield Finding("stiffness", f"{message}contact without stiffness is rigid")
     if not 1.0 <= compliance.exponent <= LARGEST_EXPONENT:
@@ -160,7 +185,29 @@ def _compliance_findings(contact: Contact, compliance: Compliance) -> Iterator[F
         yield Finding("restitution", message)
 
 
-def _friction_findings(contact: PlaneContact | SphereContact | PinContact) -> Iterator[Finding]:
+def _table_findings(table: Law) -> Iterator[Finding]:
+    """Find a table that is no force of a contact."""
+    found = [*law_findings(table, "the depth")]
+    for finding in found:
+        yield Finding("table", finding.message)
+    half = len(table.numbers) // 2
+    depth, force = table.numbers[:half], table.numbers[half:]
+    if found:
+        return
+    if table.kind != "linear":
+        message = f"it is {table.kind}, which may pull between its entries; make it linear"
+        yield Finding("table", message)
+    if depth[0] != 0.0 or force[0] != 0.0:
+        message = (
+            f"it begins with {force[0]:g} at the depth {depth[0]:g}; the first entry is 0 at 0"
+        )
+        yield Finding("table", message)
+    if any(after < before for before, after in pairwise(force)):
+        message = "its force falls with the depth, so that a contact jumps; let it rise"
+        yield Finding("table", message)
+
+
+def _friction_findings(contact: WithFriction) -> Iterator[Finding]:
     yield from negative("friction", contact.friction)
     friction, grip = friction_of(contact)
     if grip < friction:
@@ -170,9 +217,7 @@ def _friction_findings(contact: PlaneContact | SphereContact | PinContact) -> It
         yield from _compliant_friction_findings(contact, contact.compliance.friction_width)
 
 
-def _compliant_friction_findings(
-    contact: PlaneContact | SphereContact | PinContact, width: float | None
-) -> Iterator[Finding]:
+def _compliant_friction_findings(contact: WithFriction, width: float | None) -> Iterator[Finding]:
     if width is not None and not width > 0.0:
         yield Finding("frictionWidth", f"it is {width:g}; it must be greater than zero")
     if contact.static_friction is not None:
@@ -228,6 +273,12 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         if isinstance(contact, SphereContact) and contact.axis is not None:
             axis = context.rotated(contact.axis, contact.parent, INERTIAL)
             D = axpy(-dot(axis, D), axis, D)
+        elif isinstance(contact, CapsuleContact):
+            axis = context.rotated(contact.parent_axis, contact.parent, INERTIAL)
+            other = context.rotated(contact.axis, contact.child, INERTIAL)
+            half, places = (contact.parent_half, contact.half), (dot(axis, D), dot(other, D))
+            u, w, _, _ = segments.feet(half, (*places, dot(axis, other)))
+            D = axpy(w, other, axpy(-u, axis, D))
         if isinstance(contact, BoxContact):
             own = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes)
             pairs = zip(own, contact.half, strict=True)
@@ -248,7 +299,7 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
 def _overlap(side: ContactSide, depth: float) -> str:
     if isinstance(side.contact, PlaneContact):
         return f"it is {depth:.4g} m below the plane at t = 0; move one of the bodies apart"
-    if isinstance(side.contact, SphereContact | BoxContact | PinContact):
+    if isinstance(side.contact, SphereContact | BoxContact | CapsuleContact | PinContact):
         return f"it overlaps by {depth:.4g} m at t = 0; move one of the bodies, or change a radius"
     end, way = ("lower", "below") if side.is_lower else ("upper", "above")
     return (

@@ -56,6 +56,14 @@ def _unsolved(t: float, names: Sequence[str], error: NoSolution) -> str:
     return f"at t = {t:.9g} s the impulses or forces of the contacts {named} have no solution"
 
 
+def _along_a_line(t: float, name: str) -> str:
+    return (
+        f"at t = {t:.9g} s the capsules of contact '{name}' are parallel and touch along a line, "
+        "where one point does not determine how they press; tilt one of them, or give the ends of "
+        "each as the spheres of cylinderContacts whose <length> is that of the other"
+    )
+
+
 def _endless(t: float, named: str) -> str:
     return f"at t = {t:.9g} s events of the contacts {named} follow each other without an end"
 
@@ -129,6 +137,9 @@ class ContactModes:
         self._count(which)
         if not which.size:
             return
+        line = self.held.side_by_side(which)
+        if line is not None:
+            raise ContactsUnsolved(_along_a_line(self.time, self.names[line]))
         cause = Cause() if event is None else self._cause(event, was, which)
         try:
             self._resolve(which, was, cause, jumped)

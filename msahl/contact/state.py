@@ -11,6 +11,7 @@ import numpy as np
 from msahl.contact import response as of_contacts
 from msahl.contact.friction import Cones
 from msahl.contact.response import Response
+from msahl.elements.constraints import segments
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import project, solve_accelerations
 from msahl.system.arrays import State, System
@@ -199,6 +200,21 @@ class ContactState:
             unknowns = self.unknowns
         project(self.system, self.state, self.work_arrays, unknowns)
         self.state.work[self.contacts.column[k]] += self.energy() - before
+
+    def side_by_side(self, which: np.ndarray) -> int | None:
+        """Return the first of the contacts ``which`` that is of two capsules that touch along a
+        line, in the configuration of the last ``gaps``; None without one.
+        """
+        assert self.system.scalar is not None
+        group = self.system.scalar.coordinates
+        m = self.work_arrays.start.scalar.coordinates.products.value
+        for k in which.tolist():
+            q = self.coordinate[k]
+            if group.ends is not None and group.kind[q] == segments.SEGMENTS:
+                half = segments.half_lengths(group.ends, q)
+                if segments.side_by_side(half, segments.last_three(m, group.first[q])):
+                    return int(k)
+        return None
 
     def lift(self, response: Response) -> None:
         """Remove overlaps by round-off: an open contact must not begin with one."""

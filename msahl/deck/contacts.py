@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Vector, add, axpy
 from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
@@ -15,6 +16,7 @@ from msahl.deck.contact_sets import CONTACT_SET, Touch, pairs_of
 from msahl.deck.curves import read_curve
 from msahl.deck.ends import REFERENCE_PARALLEL, Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
+from msahl.deck.laws import read_table
 from msahl.deck.motions import UNIT
 from msahl.deck.springs import QUANTITIES
 from msahl.deck.units import DEFAULTS, to_si
@@ -22,6 +24,7 @@ from msahl.deck.values import Reader
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
+    CapsuleContact,
     Compliance,
     Contact,
     DistanceLimit,
@@ -38,7 +41,7 @@ LOAD = {"angle": "moment", "slide": "force"}
 """Physical quantities along each coordinate."""
 CONTACTS = (
     *("jointLimit", "distanceLimit", "planeContact"),
-    *("sphereContact", "cylinderContact", "boxContact", "pinContact"),
+    *("sphereContact", "cylinderContact", "boxContact", "capsuleContact", "pinContact"),
 )
 """Tags of contacts."""
 
@@ -62,7 +65,7 @@ def is_switchable(element: Element) -> bool:
     many = ("capsuleEnd", "box", "length") if element.tag == "planeContact" else ()
     if element.tag == CONTACT_SET:
         return False
-    return not any(element.find(tag) is not None for tag in ("stiffness", *many))
+    return not any(element.find(tag) is not None for tag in ("stiffness", "table", *many))
 
 
 def _read_set(element: Element, reader: Reader) -> Iterator[Contact]:
@@ -156,15 +159,26 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
     parent_radius = reader.number(element.find("parentRadius"), "length")
     if (box := element.find("box")) is not None:
         x, y, z = (0.5 * size for size in _sizes(box, reader))
-        return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law)
-    axis = None
-    if element.tag == "cylinderContact":
+        return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law, *friction)
+    if element.tag == "capsuleContact":
         axis = _parents_direction(element, "axis", ends, reader)
+        other = _childs_axis(element, ends, reader)
+        lengths = [element.find(tag) for tag in ("parentLength", "length")]
+        ends_at, own = (0.5 * reader.number(length, "length") for length in lengths)
+        sizes = (ends_at, own, parent_radius, radius)
+        return CapsuleContact(name, *points, axis, other, *sizes, *law, *friction)
+    about = None
+    if element.tag == "cylinderContact":
+        about = axis = _parents_direction(element, "axis", ends, reader)
         if (length := element.find("length")) is not None:
-            _refuse_beside_length(element, parent_radius, reader)
+            if parent_radius < 0.0:
+                message = "a hollow cylinder has no ends; delete <length>, or give a radius > 0"
+                reader.faults.add(element, message)
             half = (0.0, 0.0, 0.5 * reader.number(length, "length"))
-            return BoxContact(name, *points, half, parent_radius, radius, *law, frame(axis))
-    return SphereContact(name, *points, parent_radius, radius, axis, *law, *friction)
+            return BoxContact(
+                *(name, *points, half, parent_radius, radius, *law, *friction), frame(axis)
+            )
+    return SphereContact(name, *points, parent_radius, radius, about, *law, *friction)
 
 
 def _pin_contact(
@@ -220,18 +234,6 @@ def _rim_axis(element: Element, ends: Ends, reader: Reader) -> Vector | None:
     return _own_direction(element, "child/axis", direction, ends.child, reader)
 
 
-def _refuse_beside_length(element: Element, parent_radius: float, reader: Reader) -> None:
-    """Add faults for what a cylinder that ends in half spheres cannot have."""
-    if parent_radius < 0.0:
-        message = "a hollow cylinder has no ends; delete <length>, or give a radius > 0"
-        reader.faults.add(element, message)
-    for tag in ("friction", "staticFriction"):
-        part = element.find(tag)
-        if part is not None:
-            message = "a cylinder with ends, a capsule, has no friction; delete it, or <length>"
-            reader.faults.add(part, message)
-
-
 def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -> Vector:
     """Return a unit vector of the parent's end, in the parent's axes; one that is given as such,
     to the last digit.
@@ -240,6 +242,14 @@ def _parents_direction(element: Element, tag: str, ends: Ends, reader: Reader) -
     if direction is None or not reader.is_known(ends.parent):
         return (0.0, 0.0, 1.0)
     return _own_direction(element, f"parent/{tag}", direction, ends.parent, reader)
+
+
+def _childs_axis(element: Element, ends: Ends, reader: Reader) -> Vector:
+    """Return the unit vector along the child's axis, in the child's axes."""
+    direction = side_direction(element, "child", "axis", reader)
+    if direction is None or not reader.is_known(ends.child):
+        return (0.0, 0.0, 1.0)
+    return _own_direction(element, "child/axis", direction, ends.child, reader)
 
 
 def _own_direction(
@@ -272,7 +282,8 @@ def _joint_limit(element: Element, reader: Reader) -> JointLimit:
 def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Compliance | None]:
     """Return the restitution of a contact along a coordinate, and its compliance if it has one."""
     stiffness, given = element.find("stiffness"), element.find("restitution")
-    if stiffness is None:
+    table = element.find("table")
+    if stiffness is None and table is None:
         for tag in COMPLIANT:
             place = element.find(tag)
             if place is not None:
@@ -282,12 +293,23 @@ def _law(element: Element, coordinate: str, reader: Reader) -> tuple[float, Comp
     speed, exponent = element.find("impactSpeed"), element.find("exponent")
     power = 1.0 if exponent is None else reader.number(exponent)
     compliance = Compliance(
-        stiffness=_stiffness(stiffness, power, coordinate, reader),
+        stiffness=0.0 if stiffness is None else _stiffness(stiffness, power, coordinate, reader),
         exponent=power,
         impact_speed=None if speed is None else reader.number(speed, SPEED[coordinate]),
         friction_width=_number_or_none(element, "frictionWidth", reader, "velocity"),
+        table=None if table is None else _force_table(table, coordinate, reader),
     )
     return 1.0 if given is None else reader.number(given), compliance
+
+
+def _force_table(element: Element, coordinate: str, reader: Reader) -> Law:
+    """Return the force over the depth of a contact along a ``coordinate``."""
+    along, load = UNIT[coordinate], LOAD[coordinate]
+    if any({part.tag for part in entry} != {along, load} for entry in element):
+        message = f"along this coordinate its entries have <{along}> and <{load}>; give these"
+        reader.faults.add(element, message)
+        return Law("linear", (0.0, 1.0, 0.0, 0.0))
+    return read_table(element, (along, along), (load, load), reader)
 
 
 def _stiffness(element: Element, power: float, coordinate: str, reader: Reader) -> float:

@@ -8,7 +8,7 @@ from msahl.algebra.vector import IDENTITY, Matrix, Vector, transpose
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import crossed_references, frame, shared_references, unit
 from msahl.check.joints import SCALES
-from msahl.deck.contacts import SPEED
+from msahl.deck.contacts import LOAD, SPEED
 from msahl.deck.couplings import QUANTITIES as COUPLED
 from msahl.deck.elements import child, law, number, number_unless, numbers, table, vector
 from msahl.deck.ends import SIDES, carried
@@ -39,7 +39,7 @@ from msahl.model import (
     SphereContact,
     SpringDamper,
 )
-from msahl.model.contacts import BetweenPoints, BoxContact, Contact
+from msahl.model.contacts import BetweenPoints, BoxContact, CapsuleContact, Contact, WithFriction
 from msahl.model.curves import STRAIGHT, Point
 
 Sides = tuple[Matrix, Matrix]
@@ -204,6 +204,20 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
     number(element, "parentRadius", contact.parent_radius, "length")
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
+    _friction(element, contact)
+
+
+def _capsule_contact(group: Element, contact: CapsuleContact, context: Context) -> None:
+    element = _named(group, "capsuleContact", contact.name)
+    parent, own = _ends(element, contact, None)
+    vector(parent, "axis", contact.parent_axis)
+    vector(own, "axis", contact.axis)
+    number(element, "parentRadius", contact.parent_radius, "length")
+    number(element, "parentLength", 2.0 * contact.parent_half, "length")
+    number(element, "radius", contact.radius, "length")
+    number(element, "length", 2.0 * contact.half, "length")
+    _contact_law(element, contact, "slide")
+    _friction(element, contact)
 
 
 def _pin_contact(group: Element, contact: PinContact, context: Context) -> None:
@@ -232,7 +246,7 @@ def _point(group: Element, point: Point) -> None:
         number(element, tag, value, "length")
 
 
-def _friction(element: Element, contact: PlaneContact | SphereContact | PinContact) -> None:
+def _friction(element: Element, contact: WithFriction) -> None:
     number_unless(element, 0.0, "friction", contact.friction)
     number(element, "staticFriction", contact.static_friction)
 
@@ -244,7 +258,11 @@ def _contact_law(element: Element, contact: Contact, coordinate: str) -> None:
     if law is not None:
         is_linear = law.exponent == 1.0
         unit = QUANTITIES[coordinate][0] if is_linear else ""
-        number(element, "stiffness", law.stiffness, unit)
+        if law.table is None:
+            number(element, "stiffness", law.stiffness, unit)
+        else:
+            along, load = UNIT[coordinate], LOAD[coordinate]
+            table(element, law.table, (along, along), (load, load))
         number_unless(element, 1.0, "exponent", law.exponent)
         number(element, "impactSpeed", law.impact_speed, SPEED[coordinate])
         number(element, "frictionWidth", law.friction_width, "velocity")
@@ -363,6 +381,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     PlaneContact: _plane_contact,
     SphereContact: _sphere_contact,
     BoxContact: _box_contact,
+    CapsuleContact: _capsule_contact,
     PinContact: _pin_contact,
     ConcentratedLoad: _concentrated,
     SpringDamper: _spring_damper,

@@ -8,7 +8,7 @@ An event is that a scalar y of the motion reaches a level:
     FORCE        y is a multiplier, by its place                                  [N or N m]
     FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
     REACTING     y is an expression of joints' reactions at the same time, a place on the tape
-    KINK         y is the kink of a distance from a curve (``curves``)            [m or rad]
+    KINK         y is the kink of a distance (``curves``, ``segments``)           [m or rad]
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -40,6 +40,7 @@ from msahl.algebra.functions import PIECES, Law, Laws, build_laws, joined, piece
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.curves import CURVE
 from msahl.elements.constraints.equations import is_active
+from msahl.elements.constraints.segments import SEGMENTS
 from msahl.events.expressions import (
     NO_TIMES,
     all_laws,
@@ -153,7 +154,7 @@ def build_margins(
     laws = all_laws(signals, system.laws)
     kinks = [*_of_compliant_contacts(system, laws.kind.size)]
     if order >= ENDS_AT_KINKS:
-        kinks += _of_curves(system, laws.kind.size, contacts)
+        kinks += _of_distances(system, laws.kind.size, contacts)
     if kinks:
         found, laws = [*found, *kinks], joined(laws, build_laws([AT_ZERO]))
     if conditions is not None:
@@ -276,14 +277,16 @@ def _of_compliant_contacts(system: System, kink: int) -> Iterator[Margin]:
             yield Margin(RATE, coordinate, SPLIT, law=kink, origin=rate, near=NEAR)
 
 
-def _of_curves(system: System, kink: int, contacts: Contacts | None) -> Iterator[Margin]:
-    """Yield the margins of distances from curves, but for those of contacts that are open."""
-    if system.scalar is None or system.scalar.coordinates.curves is None:
+def _of_distances(system: System, kink: int, contacts: Contacts | None) -> Iterator[Margin]:
+    """Yield the margins of distances from curves and between segments, but for those of contacts
+    that are open.
+    """
+    if system.scalar is None:
         return
     rows, opened = system.scalar.equations, set()
     if contacts is not None:
         opened = {*rows.coordinate[contacts.row, 0][~is_active(rows)[contacts.row]].tolist()}
-    for q in np.flatnonzero(system.scalar.coordinates.kind == CURVE).tolist():
+    for q in np.flatnonzero(np.isin(system.scalar.coordinates.kind, (CURVE, SEGMENTS))).tolist():
         if q not in opened:
             yield Margin(KINK, q, SPLIT, law=kink, near=NEAR)
 

@@ -45,7 +45,7 @@ def unit(function: Function) -> Function:
 
 
 def optional(
-    otherwise: float | None = None,
+    otherwise: Any = None,
 ) -> Callable[
     [Callable[Concatenate[Group, Rest], Result]], Callable[Concatenate[Group | None, Rest], Result]
 ]:

@@ -14,6 +14,7 @@ from msahl.algebra.vector import IDENTITY, Matrix, Vector, scale
 from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.curves import CURVE, CURVE_SLIP
 from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
+from msahl.elements.constraints.segments import SEGMENTS
 from msahl.model.curves import Curve
 from msahl.model.joints import Joint
 from msahl.records import record
@@ -25,11 +26,13 @@ PARENT, CHILD, GROUND = "parent", "child", "ground"
 @record
 class Surface:
     """A sphere of the child of this ``radius`` [m], less than zero inside of what is hollow, and
-    the ``shape`` of the parent; ``second`` marks the second tangent: see ``surfaces``."""
+    the ``shape`` of the parent, of a box with ``half`` sizes [m]; ``second`` marks the second
+    tangent: see ``surfaces``. Or the rim of a disk of that radius."""
 
     shape: int
     radius: float
     second: bool
+    half: Vector | None = None
 
 
 @record
@@ -51,7 +54,8 @@ class Product:
 class Coordinate:
     """A coordinate between parent and child, of some products; ``angular`` if it is in radians.
 
-    ``curve`` is the one from which a distance, or along which a slip, is measured.
+    ``curve`` is the one from which a distance, or along which a slip, is measured, and ``ends``
+    are the half lengths of two segments [m].
     """
 
     kind: int
@@ -59,6 +63,7 @@ class Coordinate:
     angular: bool = False
     radius: float = 0.0
     curve: Curve | None = None
+    ends: tuple[float, float] = (0.0, 0.0)
 
 
 @record
@@ -198,10 +203,21 @@ def box_distance(axes: Matrix, half: Vector) -> Coordinate:
 
 def skew_distance(joint: Joint, distance: float) -> Coordinate:
     """Distance of the two axes less ``distance`` [m], times the square of their angle's sine."""
-    d, e = joint.parent_axes[Z], joint.child_axes[Z]
+    products = _of_two_axes(joint.parent_axes[Z], joint.child_axes[Z])
+    return Coordinate(SKEW, products, radius=distance)
+
+
+def segment_distance(d: Vector, e: Vector, ends: tuple[float, float]) -> Coordinate:
+    """Distance of two segments about the points, along the axes ``d`` of the parent and ``e`` of
+    the child, ``ends`` from their middles to their ends [m].
+    """
+    return Coordinate(SEGMENTS, _of_two_axes(d, e), ends=ends)
+
+
+def _of_two_axes(d: Vector, e: Vector) -> tuple[Product, ...]:
+    """Products between the points, and an axis ``d`` of the parent and ``e`` of the child."""
     across = tuple(Product(SLIDE, axis, GROUND) for axis in IDENTITY)
-    along = (Product(SLIDE, d), Product(SLIDE, e, CHILD), Product(DOT, d, e=e))
-    return Coordinate(SKEW, across + along, radius=distance)
+    return (*across, Product(SLIDE, d), Product(SLIDE, e, CHILD), Product(DOT, d, e=e))
 
 
 def rim_height(normal: Vector, axis: Vector, radius: float) -> Coordinate:

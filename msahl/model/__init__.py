@@ -5,6 +5,7 @@ from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.contacts import (
     BoxContact,
+    CapsuleContact,
     Compliance,
     ContactSide,
     DistanceLimit,
@@ -52,6 +53,7 @@ __all__ = [
     "BeamShape",
     "BoxContact",
     "Bushing",
+    "CapsuleContact",
     "Compliance",
     "ConcentratedLoad",
     "ContactSide",

@@ -11,6 +11,7 @@ pushes (``laws.contact``).
 
 from typing import TypeAlias
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix, Vector
 from msahl.model.curves import Curve
 from msahl.records import record
@@ -20,15 +21,17 @@ POISSON, NEWTON, STRONGE = IMPACT_LAWS = ("poisson", "newton", "stronge")
 
 @record
 class Compliance:
-    """The force of a contact is ``stiffness`` [N/m^n, or N m/rad^n] times depth^``exponent``. In an
-    impact at ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not
-    damped, and the restitution is 1. ``friction_width`` is the slip [m/s] at which three quarters
-    of its friction act, None without friction."""
+    """The force of a contact is ``stiffness`` [N/m^n, or N m/rad^n] times depth^``exponent``, or
+    that of a linear ``table`` over the depth, which begins with zero at zero. In an impact at
+    ``impact_speed`` [m/s or rad/s] it has the contact's restitution; None: it is not damped, and
+    the restitution is 1. ``friction_width`` is the slip [m/s] at which three quarters of its
+    friction act, None without friction."""
 
     stiffness: float
     exponent: float = 1.0
     impact_speed: float | None = None
     friction_width: float | None = None
+    table: Law | None = None
 
 
 @record
@@ -108,7 +111,7 @@ class SphereContact:
 class BoxContact:
     """A sphere of the child is outside of a box of the parent about ``parent_point``, along the
     rows of ``axes`` (parent's axes), with these ``half`` sizes and edges rounded by
-    ``parent_radius``; a capsule is one with one size. Points and sizes [m] as above."""
+    ``parent_radius``; a capsule is one with one size. Points, sizes [m] and friction as above."""
 
     name: str
     parent: str
@@ -120,7 +123,33 @@ class BoxContact:
     radius: float = 0.0
     restitution: float = 0.0
     compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
     axes: Matrix = IDENTITY
+
+
+@record
+class CapsuleContact:
+    """A capsule of the child is outside of one of the parent. Each is a segment about its point,
+    from one end to the other twice ``parent_half`` or ``half`` [m], along ``parent_axis`` or
+    ``axis``, unit vectors in the axes of its body, with ``parent_radius`` or ``radius`` about it.
+    Points, sizes [m] and friction as above."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_axis: Vector
+    axis: Vector
+    parent_half: float
+    half: float
+    parent_radius: float
+    radius: float
+    restitution: float = 0.0
+    compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
 
 
 @record
@@ -145,7 +174,8 @@ class PinContact:
     reference: Vector = IDENTITY[0]
 
 
-BetweenPoints: TypeAlias = DistanceLimit | PlaneContact | SphereContact | BoxContact | PinContact
+WithFriction: TypeAlias = PlaneContact | SphereContact | BoxContact | CapsuleContact | PinContact
+BetweenPoints: TypeAlias = DistanceLimit | WithFriction
 Contact: TypeAlias = JointLimit | BetweenPoints
 
 
@@ -172,7 +202,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     if isinstance(contact, SphereContact):
         limit = abs(contact.parent_radius + contact.radius)
         return (ContactSide(contact.name, contact, contact.parent_radius >= 0.0, limit),)
-    if isinstance(contact, BoxContact):
+    if isinstance(contact, BoxContact | CapsuleContact):
         limit = contact.parent_radius + contact.radius
         return (ContactSide(contact.name, contact, True, limit),)
     if isinstance(contact, PinContact):
@@ -188,7 +218,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
 
 def friction_of(contact: Contact) -> tuple[float, float]:
     """Return the coefficients of friction of a contact that slides and of one that sticks."""
-    if isinstance(contact, JointLimit | DistanceLimit | BoxContact):
+    if isinstance(contact, JointLimit | DistanceLimit):
         return 0.0, 0.0
     grip = contact.static_friction
     return contact.friction, contact.friction if grip is None else grip

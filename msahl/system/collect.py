@@ -8,7 +8,7 @@ the numbers of the model side by side; ``topology`` takes the indices, ``paramet
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, ZERO, Vector, cross, dot, scale, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
-from msahl.elements.constraints import surfaces
+from msahl.elements.constraints import contact_points
 from msahl.elements.constraints.coordinate_kinds import PLAIN
 from msahl.elements.constraints.products import SURFACE
 from msahl.joints.coordinates import angle_offset
@@ -40,6 +40,7 @@ from msahl.joints.joint import (
     perpendicular,
     rim_height,
     roll,
+    segment_distance,
 )
 from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
@@ -53,6 +54,7 @@ from msahl.model.beams import Beam, is_damped
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
+    CapsuleContact,
     Contact,
     ContactSide,
     JointLimit,
@@ -386,6 +388,9 @@ class _Collector:
                 along = rim_height(contact.normal, contact.axis, contact.radius)
         elif isinstance(contact, BoxContact):
             along = box_distance(contact.axes, contact.half)
+        elif isinstance(contact, CapsuleContact):
+            ends = (contact.parent_half, contact.half)
+            along = segment_distance(contact.parent_axis, contact.axis, ends)
         elif isinstance(contact, PinContact):
             along = curve_distance(*contact.axes[:2], contact.curve)
         elif isinstance(contact, SphereContact) and contact.axis is not None:
@@ -396,6 +401,7 @@ class _Collector:
     def _compliant_contact(self, column: int, contact: Contact) -> None:
         """Add the forces of a compliant contact, one for each side."""
         coordinate, offset = self._along_contact(contact), 0.0
+        assert contact.compliance is not None
         if isinstance(contact, JointLimit) and contact.coordinate == "angle":
             offset = angle_offset(self.joints[contact.joint])
         for side in sides_of(contact):
@@ -406,6 +412,7 @@ class _Collector:
                 column=column,
                 origin=-offset,
                 free=side.limit,
+                table=self.elements.add_law(_tension_of(contact.compliance.table, side)),
                 joint=_pressing(CONTACT),
             )
             self.elements.along.append(entry)
@@ -530,6 +537,18 @@ def _pressing(law: CoordinateLaw, joint: int = NO_JOINT) -> int:
     return joint if law.by_reaction else NO_JOINT
 
 
+def _tension_of(table: Law | None, side: ContactSide) -> Law | None:
+    """Return the tension over the coordinate, by the ``table`` of the force over the depth."""
+    if table is None:
+        return None
+    depth, force = np.array(table.numbers).reshape(2, -1)
+    x, T = side.limit - side.sign * depth, -side.sign * force
+    beyond = side.limit + side.sign * depth[-1]  # where the gap is open
+    order = slice(None, None, -1 if side.is_lower else 1)
+    x, T = np.array([beyond, *x]), np.array([0.0, *T])
+    return Law(table.kind, (*x[order].tolist(), *T[order].tolist()))
+
+
 def _compliant_parameters(side: ContactSide) -> Parameters:
     """Return the numbers of the law of a side of a compliant contact."""
     contact = side.contact
@@ -543,6 +562,10 @@ def _compliant_parameters(side: ContactSide) -> Parameters:
         ("damping", damping),
         ("side", side.sign),
     )
+
+
+Round: TypeAlias = PlaneContact | SphereContact | BoxContact | CapsuleContact
+"""Contacts whose points move on both surfaces."""
 
 
 def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equation]:
@@ -559,21 +582,30 @@ def slips_of(contact: BetweenPoints, on_ground: bool) -> tuple[Equation, Equatio
     if isinstance(contact, PinContact):
         along = curve_slip(contact.axes, contact.curve, contact.radius, contact.reference)
         return along, in_plane(contact.axes[2])
-    assert isinstance(contact, PlaneContact | SphereContact)
+    assert isinstance(contact, Round)
     return _rubs(contact, False), _rubs(contact, True)
 
 
-def _rubs(contact: PlaneContact | SphereContact, second: bool) -> Equation:
+def _rubs(contact: Round, second: bool) -> Equation:
     """The surfaces do not move against each other along one of two tangents."""
+    owner, e, half, radius = PARENT, ZERO, None, contact.radius
     if isinstance(contact, PlaneContact):
-        shape, n, radius = surfaces.PLANE, contact.normal, contact.radius
+        shape = contact_points.PLANE if contact.axis is None else contact_points.RIM
+        n, e = contact.normal, contact.axis or ZERO
+    elif isinstance(contact, BoxContact):
+        shape, half, (e, _, n) = contact_points.BOX, contact.half, contact.axes
+    elif isinstance(contact, CapsuleContact):
+        shape, n, e = contact_points.LINES, contact.parent_axis, contact.axis
+        half = (contact.parent_half, contact.half, 0.0)
     else:
         radius = math.copysign(contact.radius, contact.parent_radius)
-        shape = surfaces.SPHERE if contact.axis is None else surfaces.CYLINDER
-        n = contact.axis or ZERO
-    owner = GROUND if shape == surfaces.SPHERE else PARENT
-    product = Product(SURFACE, n, owner, surface=Surface(shape, radius, second))
-    return Equation(Coordinate(PLAIN, (product,)), 0.0, rate=True)
+        shape, n = contact_points.CYLINDER, contact.axis or ZERO
+        if contact.axis is None:
+            shape, owner = contact_points.SPHERE, GROUND
+    surface = Surface(shape, radius, second, half)
+    return Equation(
+        Coordinate(PLAIN, (Product(SURFACE, n, owner, e, surface=surface),)), 0.0, rate=True
+    )
 
 
 def tangents(normal: Vector) -> tuple[Vector, Vector]:

@@ -6,10 +6,11 @@ import numpy as np
 
 from msahl.algebra.functions import Laws, build_laws, continue_past
 from msahl.algebra.rotation_arrays import parameters
-from msahl.algebra.vector import Vector, sub
+from msahl.algebra.vector import ZERO, Vector, sub
 from msahl.elements.beams.group import Beams
 from msahl.elements.beams.shape import shape
 from msahl.elements.constraints.coincide import Coincide
+from msahl.elements.constraints.contact_points import BOX
 from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.outlines import curves_of
@@ -158,11 +159,17 @@ def _scalar(
             ),
             radius=_numbers(coordinate.radius for coordinate, _ in elements.coordinates),
             curves=curves_of([coordinate.curve for coordinate, _ in elements.coordinates]),
+            ends=_ends([coordinate.ends for coordinate, _ in elements.coordinates]),
         ),
         equations=_equations(elements, topology, frames),
         laws=laws,
         equation_column=topology.equation_column,
     )
+
+
+def _ends(found: Sequence[tuple[float, float]]) -> np.ndarray | None:
+    """Return the half lengths (q, 2) of segments [m], None if there are none."""
+    return _numbers(found).reshape(-1, 2) if any(map(any, found)) else None
 
 
 def _surfaces(found: Sequence[Surface | None]) -> Surfaces | None:
@@ -171,11 +178,14 @@ def _surfaces(found: Sequence[Surface | None]) -> Surfaces | None:
         return None
     entries = [(0, 0.0, False) if s is None else (s.shape, s.radius, s.second) for s in found]
     shape, radius, second = zip(*entries, strict=True)
+    has_points = any(shape >= BOX for shape, _, _ in entries)
+    half = _vectors(ZERO if s is None or s.half is None else s.half for s in found)
     return Surfaces(
         shape=np.array(shape),
         radius=_numbers(radius),
         second=np.array(second),
         axis=np.zeros(len(entries), dtype=np.int64),
+        half=half if has_points else None,
     )
 
 

@@ -273,8 +273,14 @@ def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates
         radius=group.radius[used],
         block=group.block[used],
         curves=curves.subset(group.curves, used),
+        ends=_ends(group.ends, used),
     )
     return coords, number
+
+
+def _ends(ends: np.ndarray | None, used: np.ndarray) -> np.ndarray | None:
+    """Return the half lengths of the ``used`` coordinates (n,); None if these have none."""
+    return ends[used] if ends is not None and ends[used].any() else None
 
 
 def _subset(group: Products, used: np.ndarray) -> Products:
@@ -282,7 +288,9 @@ def _subset(group: Products, used: np.ndarray) -> Products:
     surfaces = group.surfaces
     if surfaces is not None:
         some = (group.kind[used] == SURFACE).any()
-        surfaces = Surfaces(*(array[used] for array in surfaces)) if some else None
+        half = None if surfaces.half is None else surfaces.half[used]
+        own = (surfaces.shape[used], surfaces.radius[used], surfaces.second[used])
+        surfaces = Surfaces(*own, surfaces.axis[used], half) if some else None
     numbers = (group.kind[used], group.a[used], group.b[used], group.owner[used])
     vectors = (group.n[used], group.s_a[used], group.s_b[used], group.e[used])
     return Products(*numbers, *vectors, surfaces)

@@ -16,6 +16,7 @@ from msahl.model import DistanceLimit, JointLimit, PlaneContact
 from tests.support.models import ROOT, deck
 
 DECKS = ROOT / "decks" / "contact"
+RODS = (DECKS / "crossed_rods.xml").read_text()
 BALL = (DECKS / "bouncing_ball.xml").read_text()
 ROPE = (DECKS / "slack_rope.xml").read_text()
 BILLIARD = (DECKS / "billiard.xml").read_text()
@@ -61,6 +62,9 @@ def test_records_are_those_of_the_deck():
         "golf_hole",
         "turntable",
         "spinning_ball",
+        "ball_on_a_plank",
+        "crossed_rods",
+        "bump_stop",
     ],
 )
 def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
@@ -74,6 +78,7 @@ def test_a_written_deck_is_read_to_equal_records(tmp_path, name):
     assert check(model) == []
 
 
+STOP = (DECKS / "bump_stop.xml").read_text()
 SOFT = "<stiffness>1e4</stiffness>"
 FAULTS = {
     "spheres overlap": (BILLIARD, "<x>-0.4</x>", "<x>-0.04</x>", "overlaps by 0.01 m"),
@@ -87,6 +92,21 @@ FAULTS = {
     "outside of a hollow one": (TROUGH, "<z>-0.45</z>", "<z>-0.55</z>", "overlaps by 0.05"),
     "on the axis": (TROUGH, "<x>{0.9*sin(60*pi/180)}</x><z>-0.45</z>", "<y>3</y>", "coincide"),
     "no axis": (TROUGH, "<axis><y>1</y></axis>", "<axis><y>0</y></axis>", "axis is zero"),
+    "angle of a slide": (
+        STOP,
+        '<length units="mm">0</length>',
+        "<angle>0</angle>",
+        "its entries have <length> and <force>",
+    ),
+    "stiffness beside a table": (STOP, "<table>", f"{SOFT}<table>", "already; delete <stiffness>"),
+    "a table that pulls": (STOP, ">100</force>", ">-100</force>", "falls with the depth"),
+    "capsule without a length": (
+        RODS,
+        '<length units="m">0.8</length>',
+        "<length>0</length>",
+        "a capsule without length is a sphere",
+    ),
+    "capsules that overlap": (RODS, "<z>0.6</z>", "<z>0.09</z>", "it overlaps by 0.01 m"),
     "no stiffness": (BALL, "<rest", "<exponent>1.5</exponent><rest", "add a <stiffness>"),
     "no speed of a rigid one": (BALL, "<rest", "<impactSpeed>1</impactSpeed><rest", "compliant"),
     "restitution without its speed": (BALL, "<rest", f"{SOFT}<rest", "add <impactSpeed>"),

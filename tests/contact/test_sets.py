@@ -5,7 +5,7 @@ import pytest
 
 from msahl.algebra.rotation import matrix
 from msahl.deck import DeckError, read_deck
-from msahl.model import PlaneContact, SphereContact
+from msahl.model import BoxContact, CapsuleContact, PlaneContact, SphereContact
 from tests.contact.models import run_events
 from tests.support.models import ROOT, deck
 
@@ -43,9 +43,42 @@ def test_planes_and_second_spheres_of_a_body(tmp_path):
     assert len(contacts) == 120 + 15 + 17
 
 
+def test_capsules_touch_spheres_planes_and_each_other(tmp_path):
+    rods = "".join(
+        f"        <capsule><name>Ball{k}</name><position><z>{2 * k}</z></position>"
+        "<axis><x>2</x></axis>"
+        '<radius units="m">0.1</radius><length units="m">0.8</length></capsule>\n'
+        for k in (1, 2)
+    )
+    low = FLOOR.replace("<normal", "<position><z>-1</z></position><normal")
+    start, end = BREAK.index(BALL), BREAK.index("        <restitution>")
+    text = BREAK[:start] + BALL.replace("Ball1", "Ball3") + rods + low + BREAK[end:]
+    found = {one.name: one for one in read(tmp_path, text).contacts}
+    kinds = {name: type(one) for name, one in found.items()}
+    assert kinds == {
+        "Balls.Cue.Ball3": SphereContact,
+        "Balls.Ball1.Cue": BoxContact,
+        "Balls.Ball2.Cue": BoxContact,
+        "Balls.Ball1.Ball3": BoxContact,
+        "Balls.Ball2.Ball3": BoxContact,
+        "Balls.Ball1.Ball2": CapsuleContact,
+        "Balls.Table.Cue": PlaneContact,
+        "Balls.Table.Ball3": PlaneContact,
+        **{f"Balls.Table.Ball{k}.{end}": PlaneContact for k in (1, 2) for end in (1, 2)},
+    }
+    ends = [found[f"Balls.Table.Ball2.{k}"].child_point for k in (1, 2)]
+    assert ends == [(-0.4, 0.0, 4.0), (0.4, 0.0, 4.0)]
+    pair = found["Balls.Ball1.Ball2"]
+    assert (pair.parent_half, pair.radius, pair.axis) == (0.4, 0.1, (1.0, 0.0, 0.0))
+
+
 FAULTS = {
     "no radius": ("28.6</radius></sphere>\n        <sphere><name>Ball2", "radius: it is 0 m"),
     "nothing": (None, "no <sphere> in it has a radius"),
+    "capsule": (
+        BALL,
+        "length: it is 0 m; it must be greater than zero",
+    ),
     "overlap": ("<x>-0.600000</x>", "Balls.Cue.Ball1: it overlaps by"),
 }
 
@@ -58,6 +91,11 @@ def test_faults_name_the_place(tmp_path, name):
         text = BREAK[:start] + BREAK[end:]
     else:
         new = "<x>-0.050000</x>" if old.startswith("<x>") else old.replace("28.6", "0")
+        if name == "capsule":
+            new = old.replace("sphere>", "capsule>").replace(
+                "<radius", "<axis><x>1</x></axis><radius"
+            )
+            new = new.replace("</capsule>", "<length>0</length></capsule>")
         assert old in BREAK
         text = BREAK.replace(old, new, 1)
     with pytest.raises(DeckError, match=message):

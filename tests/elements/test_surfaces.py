@@ -5,10 +5,11 @@ import pytest
 
 from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
-from msahl.elements.constraints import coordinates, surfaces
+from msahl.check.directions import frame
+from msahl.elements.constraints import coordinates, segments, surfaces
 from msahl.elements.constraints.coordinate_jacobians import stiffness
 from msahl.elements.constraints.coordinates import part_node
-from msahl.model import PlaneContact, SphereContact
+from msahl.model import BoxContact, CapsuleContact, PlaneContact, SphereContact
 from msahl.system.arrays import new_coordinates_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.state import build_state
@@ -23,6 +24,19 @@ CONTACTS = {
     "hollow sphere": SphereContact(*ENDS, -1.5, 0.7, friction=0.3),
     "cylinder": SphereContact(*ENDS, 1.5, 0.7, SLANTED, friction=0.3),
     "hollow cylinder": SphereContact(*ENDS, -1.5, 0.7, SLANTED, friction=0.3),
+    "box": BoxContact(*ENDS, (0.2, 0.1, 0.3), 0.05, 0.7, friction=0.3),
+    "side of a box": BoxContact(*ENDS, (20.0, 20.0, 0.01), 0.05, 0.7, friction=0.3),
+    "capsule": BoxContact(*ENDS, (0.0, 0.0, 0.8), 0.3, 0.7, friction=0.3, axes=frame(SLANTED)),
+    "capsules, sides": CapsuleContact(
+        *ENDS, SLANTED, (0.0, 0.6, 0.8), 30.0, 30.0, 0.2, 0.7, friction=0.3
+    ),
+    "capsules, ends": CapsuleContact(
+        *ENDS, SLANTED, (0.0, 0.6, 0.8), 0.1, 0.1, 0.2, 0.7, friction=0.3
+    ),
+    "capsules, side and end": CapsuleContact(
+        *ENDS, SLANTED, (0.0, 0.6, 0.8), 30.0, 0.1, 0.2, 0.7, friction=0.3
+    ),
+    "rim": PlaneContact(*ENDS, SLANTED, 0.7, axis=(0.0, 0.6, 0.8), friction=0.3),
 }
 every_contact = pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)
 E = 1e-5
@@ -83,13 +97,8 @@ def test_a_slip_is_that_of_the_material_points(contact):
     points = [np.array(A_POINT), np.array(B_POINT)]
     arms = [R[f] @ (points[f] - np.array(_r_BG(slips, f))) for f in range(2)]
     D = slips.x[1] + arms[1] - slips.x[0] - arms[0]
-    d = R[0] @ np.array(SLANTED)
-    if isinstance(contact, PlaneContact):
-        n, r = d, contact.radius
-    else:
-        n = D if contact.axis is None else D - d * (d @ D)
-        n, r = n / np.linalg.norm(n), np.copysign(contact.radius, contact.parent_radius)
-    touch = slips.x[1] + arms[1] - r * n
+    n, touch = _touch(contact, D, R)
+    touch = slips.x[1] + arms[1] + touch
     material = [slips.v[f] + np.cross(slips.W[f], touch - slips.x[f]) for f in range(2)]
     relative = material[1] - material[0]
     across = relative - n * (n @ relative)
@@ -97,6 +106,30 @@ def test_a_slip_is_that_of_the_material_points(contact):
     start = slips.evaluated(np.zeros(slips.shape))
     first, second = start.force[slips.own, 2]
     assert np.cross(first, second) == pytest.approx(n, abs=1e-14)
+
+
+def _touch(contact, D, R):
+    """The normal, and the point of contact from the child's point at ``D`` from the parent's."""
+    d = R[0] @ np.array(SLANTED)
+    if isinstance(contact, BoxContact):
+        own = np.array(contact.axes) @ R[0].T @ D
+        E = R[0] @ np.array(contact.axes).T @ (own - np.clip(own, *np.outer((-1, 1), contact.half)))
+        return E / np.linalg.norm(E), -contact.radius * E / np.linalg.norm(E)
+    if isinstance(contact, CapsuleContact):
+        e = R[1] @ np.array(contact.axis)
+        half, places = (contact.parent_half, contact.half), (D @ d, D @ e, d @ e)
+        u, w, _, _ = segments.feet(half, places)
+        E = D + w * e - u * d
+        return E / np.linalg.norm(E), w * e - contact.radius * E / np.linalg.norm(E)
+    if isinstance(contact, PlaneContact):
+        if contact.axis is None:
+            return d, -contact.radius * d
+        e = R[1] @ np.array(contact.axis)
+        across = d - e * (e @ d)
+        return d, -contact.radius * across / np.linalg.norm(across)
+    n = D if contact.axis is None else D - d * (d @ D)
+    n = n / np.linalg.norm(n)
+    return n, -np.copysign(contact.radius, contact.parent_radius) * n
 
 
 def _r_BG(slips, f):

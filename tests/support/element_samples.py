@@ -19,6 +19,7 @@ from msahl.laws.registry import JOINT_LAWS, POINT_LAWS
 from msahl.model import (
     BoxContact,
     Bushing,
+    CapsuleContact,
     Compliance,
     ConcentratedLoad,
     Coupling,
@@ -469,6 +470,8 @@ SOFT = {"restitution": 0.6, "compliance": Compliance(3.0, 1.5, 20.0)}
 """Of contacts that are so deep that random motions do not leave them."""
 ROUGH = {"restitution": 0.6, "compliance": Compliance(3.0, 1.5, 20.0, 0.5), "friction": 0.4}
 """The same with friction, whose width random slips pass."""
+RIM = ROUGH | {"compliance": Compliance(3.0, 1.5, 20.0, 20.0)}
+"""Likewise of a rim, which slips by many m/s: the steps of tests resolve this width."""
 
 
 def in_contact(contact):
@@ -493,6 +496,10 @@ PIN = PinContact(
     axes=frame((0.6, 0.0, 0.8)),
     reference=(0.0, 0.6, 0.8),
     **SOFT,
+)
+CAPSULES = (
+    *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2)),
+    *((0.6, 0.0, 0.8), (0.0, 0.6, 0.8), 0.3, 0.4, 4.0, 2.0),
 )
 CONTACTS = {
     "jointLimit": in_contact(JointLimit("C", "J0", "slide", 5.0, None, **SOFT)),
@@ -522,6 +529,13 @@ CONTACTS = {
     "boxContact": in_contact(
         BoxContact("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2), 6.0, **SOFT)
     ),
+    "boxContact, friction": in_contact(
+        BoxContact(
+            *("C", "B0", "B1", (3.0, 0.2, -0.3), (0.4, 0.0, 0.2), (0.3, 0.5, 0.2)), 6.0, **ROUGH
+        )
+    ),
+    "capsuleContact": in_contact(CapsuleContact(*CAPSULES, **SOFT)),
+    "capsuleContact, friction": in_contact(CapsuleContact(*CAPSULES, **ROUGH)),
     "pinContact": in_contact(PIN),
     "pinContact, friction": in_contact(replace(PIN, **ROUGH)),
     "planeContact, disk": in_contact(
@@ -530,6 +544,14 @@ CONTACTS = {
             radius=9.0,
             axis=(0.0, 0.6, 0.8),
             **SOFT,
+        )
+    ),
+    "planeContact, disk with friction": in_contact(
+        PlaneContact(
+            *("C", "B0", "B1", (0.1, 0.2, -0.3), (0.4, 0.0, 0.2), (0.6, 0.0, 0.8)),
+            radius=9.0,
+            axis=(0.0, 0.6, 0.8),
+            **RIM,
         )
     ),
     "planeContact, friction": in_contact(

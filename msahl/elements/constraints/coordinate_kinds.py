@@ -9,6 +9,7 @@
             distance of two crossed cylinders less L, times the square of the sine between their
             axes: D = m_1..m_3, a = m_4 and b = m_5 along the axes, s = m_6 their cosine [m]
     CURVE, CURVE_SLIP   distance of a point from a planar curve, and slip along it: see ``curves``
+    SEGMENTS   distance of the middle lines of two capsules: see ``segments``
 
 The m_i are the scalar products of ``products``. Each kind gives weights w with  dq = sum w_i dm_i
 over the step, exactly, the derivative of q by the products' end values, and the derivative of w by
@@ -22,9 +23,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints import curves
+from msahl.elements.constraints import curves, segments
 from msahl.elements.constraints.curves import CURVE, Curves
 from msahl.elements.constraints.products import SLIDE, Products, ProductsWorkspace
+from msahl.elements.constraints.segments import SEGMENTS
 from msahl.jit.kernel import apart, kernel, optional
 
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
@@ -46,6 +48,7 @@ class Coordinates(NamedTuple):
     radius: np.ndarray  # (q,) r of a ROUND or a CURVE_SLIP, L of a SKEW [m]
     block: np.ndarray  # (q, 16) starts of the blocks of its four parts by four parts
     curves: Curves | None
+    ends: np.ndarray | None  # (q, 2) half lengths of a SEGMENTS, else 0 [m]
 
 
 class CoordinatesWorkspace(NamedTuple):
@@ -90,6 +93,8 @@ def value(group: Coordinates, start: CoordinatesWorkspace, angle: float, q: int)
         return skew_distance(m, k, group.radius[q])
     if group.kind[q] == CURVE:
         return curves.value(group.curves, q, m[k], m[k + 1])
+    if group.kind[q] == SEGMENTS:
+        return segments.value(group.ends, q, m, k)
     return m[k]
 
 
@@ -113,11 +118,11 @@ def share_beyond(p: float, dp: float, half: float) -> tuple[float, float]:
     """Return the quotient of the changes of what is beyond and of ``p`` over a step from there, and
     its derivative by the end of ``p``.
     """
-    if half == 0.0:
-        return 1.0, 0.0
+    if half == 0.0 or (min(p, p + dp) > half) or (max(p, p + dp) < -half):
+        return 1.0, 0.0  # a quotient would be round-off over round-off where dp is small
+    if max(abs(p), abs(p + dp)) <= half:
+        return 0.0, 0.0
     end = 1.0 if abs(p + dp) > half else 0.0
-    if dp == 0.0:
-        return end, 0.0
     share = (beyond(p + dp, half) - beyond(p, half)) / dp
     return share, (end - share) / dp
 
@@ -146,6 +151,10 @@ def weigh(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
         _weigh_round(group, start, q)
     elif kind == SKEW:
         _weigh_skew(group, start, q)
+    elif kind == SEGMENTS:
+        m, out = start.products, (start.weights, start.slopes, start.curves)
+        given = ((m.value, m.change), group.first[q], start.value[q], out)
+        start.change[q] = segments.weigh(group.ends, q, *given)
     else:
         weigh_along_curve(group.curves, group, start, q)
 

@@ -32,6 +32,7 @@ def prepare(
 ) -> None:
     """Evaluate products and coordinates at the start; ``angle`` (q,) are the counted angles."""
     products.prepare(group.products, x, R, start.products)
+    surfaces.prepare(group.products.surfaces, group.products, R, start.products)
     for q in range(group.kind.size):
         start.value[q] = value(group, start, angle[q], q)
 

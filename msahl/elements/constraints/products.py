@@ -76,6 +76,7 @@ class Surfaces(NamedTuple):
     radius: np.ndarray  # (m,) of the sphere, negative in what is hollow [m]
     second: np.ndarray  # (m,) whether t is t_2
     axis: np.ndarray  # (m,) number of the inertial axis b; changes during a run
+    half: np.ndarray | None  # (m, 3) half sizes of boxes [m]: see ``contact_points``
 
 
 class Products(NamedTuple):

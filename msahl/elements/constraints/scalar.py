@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints import coordinate_jacobians, coordinates, curves
+from msahl.elements.constraints import coordinate_jacobians, coordinates, curves, segments
 from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
 from msahl.elements.constraints.coordinate_kinds import (
     Coordinates,
@@ -30,6 +30,7 @@ from msahl.elements.constraints.equations import (
     law_round_off,
 )
 from msahl.elements.constraints.products import PARTS
+from msahl.elements.constraints.segments import SEGMENTS
 from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.formulations.absolute.multipliers import by_unknown, multiplier, place_of
 from msahl.jit.kernel import kernel, optional
@@ -455,9 +456,11 @@ def values(
 
 @optional(0.0)
 def kink(scalar: ScalarConstraints, start: ScalarWorkspace, q: int) -> float:
-    """Return the kink of a distance from a curve in the prepared state."""
+    """Return the kink of a distance from a curve, or between segments, in the prepared state."""
     own, m = scalar.coordinates, start.coordinates.products.value
     k = own.first[q]
+    if own.kind[q] == SEGMENTS:
+        return segments.kink(own.ends, q, m, k)
     return curves.kink(own.curves, q, m[k], m[k + 1])
 
 

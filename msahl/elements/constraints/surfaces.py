@@ -1,7 +1,8 @@
 """Slip between the surfaces of two bodies that touch: a scalar product without a position law.
 
 A sphere of frame B of radius r touches a plane, a cylinder or a sphere of frame A; r is negative
-where that is hollow and the sphere inside, and zero for a point.
+where that is hollow and the sphere inside, and zero for a point. Boxes, and rims, have points of
+contact of their own.
 
     rho = -r n          from the sphere's centre to the point of contact,  D from A's point to it
     dm  = t . (dD + Q_B x rho - Q_A x (D + rho))                  all at their means over the step
@@ -11,6 +12,7 @@ where that is hollow and the sphere inside, and zero for a point.
     PLANE       n fixed in A
     CYLINDER    n = E/|E|,  E = D - (D.a) a     a fixed in A, along the axis
     SPHERE      n = D/|D|
+    BOX, RIM    see ``contact_points``, which has n and rho of these
 
 t is one of the tangents  t_1 = b x n / |b x n|,  t_2 = n x t_1,  where b is the axis of a cylinder,
 or else the inertial axis that is the most across n: ``choose_axes`` changes it between steps. Which
@@ -39,6 +41,16 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
+from msahl.elements.constraints import contact_points
+from msahl.elements.constraints.contact_points import (
+    BOX,
+    CYLINDER,
+    PLANE,
+    SPHERE,
+    Touch,
+    unit,
+    unit_change,
+)
 from msahl.elements.constraints.products import (
     Q_A,
     Q_B,
@@ -60,23 +72,11 @@ from msahl.formulations.absolute.frames import (
 )
 from msahl.jit.kernel import apart, kernel, optional
 
-PLANE, CYLINDER, SPHERE = range(3)
-
-
-Place = tuple[Vector, Vector, Vector, Vector]
-"""a (the plane's normal, or the cylinder's axis), D, r_A and r_B, inertial axes."""
-
-
-@kernel
-def unit(a: Vector) -> Vector:
-    """``a/|a|``."""
-    return scale(1.0 / math.sqrt(dot(a, a)), a)
-
-
-@kernel
-def unit_change(e: Vector, length: float, da: Vector) -> Vector:
-    """Change of the unit vector ``e`` of a vector of this ``length`` that changes by ``da``."""
-    return scale(1.0 / length, axpy(-dot(e, da), e, da))
+Place = tuple[Vector, Vector, Vector, Vector, Touch]
+"""a (the plane's normal, or the cylinder's axis), D, r_A and r_B, inertial axes, and the n and rho
+of ``contact_points``."""
+Slopes = tuple[Matrix, Matrix, Matrix, Matrix]
+"""Derivatives of a, D, n and rho."""
 
 
 @kernel
@@ -91,7 +91,7 @@ def inertial_axis(number: int) -> Vector:
 
 @kernel
 def across(shape: int, a: Vector, D: Vector) -> Vector:
-    """Vector along the normal n of the contact."""
+    """Vector along the normal n of the contact, of all but boxes and rims."""
     if shape == PLANE:
         return a
     if shape == SPHERE:
@@ -106,20 +106,23 @@ def reference(shape: int, axis: int, a: Vector) -> Vector:
 
 
 @kernel
-def directions(group: Surfaces, k: int, a: Vector, D: Vector) -> tuple[Vector, Vector]:
-    """Return n and t."""
-    n = unit(across(group.shape[k], a, D))
-    t = unit(cross(reference(group.shape[k], group.axis[k], a), n))
-    return n, cross(n, t) if group.second[k] else t
+def directions(group: Surfaces, k: int, place: Place) -> tuple[Vector, Vector, Vector]:
+    """Return n, t and rho."""
+    a, D, touch = place[0], place[1], place[4]
+    shape = group.shape[k]
+    n = unit(touch[0] if shape >= BOX else across(shape, a, D))
+    rho = touch[1] if shape >= BOX else scale(-group.radius[k], n)
+    t = unit(cross(reference(shape, group.axis[k], a), n))
+    return n, cross(n, t) if group.second[k] else t, rho
 
 
 @kernel
 def changes(
-    group: Surfaces, k: int, a: Vector, D: Vector, da: Vector, dD: Vector
-) -> tuple[Vector, Vector]:
-    """Return the derivatives of n and t along changes of a and D."""
-    shape = group.shape[k]
-    E = across(shape, a, D)
+    group: Surfaces, k: int, place: Place, da: Vector, dD: Vector, change: Touch
+) -> tuple[Vector, Vector, Vector]:
+    """Return the derivatives of n, t and rho along changes of a, of D and by ``contact_points``."""
+    shape, a, D = group.shape[k], place[0], place[1]
+    E = place[4][0] if shape >= BOX else across(shape, a, D)
     length, dE, db = math.sqrt(dot(E, E)), dD, ZERO
     if shape == PLANE:
         dE = da
@@ -128,18 +131,26 @@ def changes(
         along = dot(a, D) / size
         rise = (dot(da, D) + dot(a, dD) - 2.0 * along * dot(a, da)) / size
         dE = axpy(-along, da, axpy(-rise, a, dD))
+    elif shape >= BOX:
+        dE = change[0]
     n = scale(1.0 / length, E)
     b, dn = reference(shape, group.axis[k], a), unit_change(n, length, dE)
     X, dX = cross(b, n), add(cross(db, n), cross(b, dn))
     breadth = math.sqrt(dot(X, X))
     t = scale(1.0 / breadth, X)
     dt = unit_change(t, breadth, dX)
-    return dn, add(cross(dn, t), cross(n, dt)) if group.second[k] else dt
+    drho = change[1] if shape >= BOX else scale(-group.radius[k], dn)
+    return dn, add(cross(dn, t), cross(n, dt)) if group.second[k] else dt, drho
 
 
 @kernel
 def place_of(
-    products: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
+    group: Surfaces,
+    products: Products,
+    start: ProductsWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    k: int,
 ) -> Place:
     """Return the means over the step of what a slip depends on."""
     dD = moved(products, start, frames, Z, k)
@@ -148,15 +159,15 @@ def place_of(
         axpy(0.5, dD, at(start.D, k)),
         mean(frames, Z, products.a[k], at(start.r_a, k)),
         mean(frames, Z, products.b[k], at(start.r_b, k)),
+        contact_points.over_step(group.half, group, products, start, frames, Z, k),
     )
 
 
 @kernel
 def unit_force(group: Surfaces, k: int, place: Place) -> tuple[Vector, Vector, Vector]:
     """Return f, t_A and t_B."""
-    a, D, r_a, r_b = place
-    n, t = directions(group, k, a, D)
-    rho = scale(-group.radius[k], n)
+    _, D, r_a, r_b, _ = place
+    _, t, rho = directions(group, k, place)
     return t, cross(t, add(add(r_a, D), rho)), cross(add(r_b, rho), t)
 
 
@@ -171,6 +182,12 @@ def increments(
 
 
 @optional()
+def prepare(group: Surfaces, products: Products, R: np.ndarray, start: ProductsWorkspace) -> None:
+    """Carry the vectors into inertial axes that ``products.prepare`` does not."""
+    contact_points.prepare(group.half, group.shape, products, R, start)
+
+
+@optional()
 def evaluate(
     group: Surfaces,
     products: Products,
@@ -182,7 +199,7 @@ def evaluate(
     for k in range(products.kind.size):
         if products.kind[k] != SURFACE:
             continue
-        f, t_a, t_b = unit_force(group, k, place_of(products, start, frames, Z, k))
+        f, t_a, t_b = unit_force(group, k, place_of(group, products, start, frames, Z, k))
         u, spins = increments(products, frames, Z, k)
         start.change[k] = dot(f, u) + dot(t_a, spins[0]) + dot(t_b, spins[1])
         put(start.f, k, f)
@@ -191,18 +208,16 @@ def evaluate(
 
 
 @kernel
-def by_columns(
-    group: Surfaces, k: int, place: Place, by_a: Matrix, by_D: Matrix
-) -> tuple[Matrix, Matrix]:
-    """Return the derivatives of n and t by three unknowns; those of a and of D are ``by_a`` and
-    ``by_D``.
+def by_columns(group: Surfaces, k: int, place: Place, by: Slopes) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the derivatives of n, t and rho by three unknowns, by whose derivatives of what they
+    depend on.
     """
-    a, D = place[0], place[1]
-    rows_a, rows_D = transpose(by_a), transpose(by_D)
-    n_1, t_1 = changes(group, k, a, D, rows_a[0], rows_D[0])
-    n_2, t_2 = changes(group, k, a, D, rows_a[1], rows_D[1])
-    n_3, t_3 = changes(group, k, a, D, rows_a[2], rows_D[2])
-    return transpose((n_1, n_2, n_3)), transpose((t_1, t_2, t_3))
+    a, D, n, rho = transpose(by[0]), transpose(by[1]), transpose(by[2]), transpose(by[3])
+    n_1, t_1, to_1 = changes(group, k, place, a[0], D[0], (n[0], rho[0]))
+    n_2, t_2, to_2 = changes(group, k, place, a[1], D[1], (n[1], rho[1]))
+    n_3, t_3, to_3 = changes(group, k, place, a[2], D[2], (n[2], rho[2]))
+    by_n, by_t = transpose((n_1, n_2, n_3)), transpose((t_1, t_2, t_3))
+    return by_n, by_t, transpose((to_1, to_2, to_3))
 
 
 @kernel
@@ -223,8 +238,8 @@ def slope(
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return the derivatives of f, t_A and t_B by the unknowns of a ``part``."""
     a, b = products.a[k], products.b[k]
-    place = place_of(products, start, frames, Z, k)
-    d, D, r_a, r_b = place
+    place = place_of(group, products, start, frames, Z, k)
+    _, D, r_a, r_b, _ = place
     by_a = by_r_a = by_r_b = multiple(0.0, skew(ZERO))
     if part == Q_A:
         by_r_a = multiple(-0.5, end_tangent(frames, Z, a, at(start.r_a, k)))
@@ -238,12 +253,11 @@ def slope(
     else:
         half = -0.5 if part == U_A else 0.5
         by_D = ((half, 0.0, 0.0), (0.0, half, 0.0), (0.0, 0.0, half))
-    n, t = directions(group, k, d, D)
-    by_n, by_t = by_columns(group, k, place, by_a, by_D)
-    r = group.radius[k]
-    arm_a = axpy(-r, n, add(r_a, D))
-    arm_b = axpy(-r, n, r_b)
-    by_rho = multiple(-r, by_n)
+    _, t, rho = directions(group, k, place)
+    touch = contact_points.slopes(group.half, group, products, start, frames, Z, (k, part))
+    _, by_t, by_rho = by_columns(group, k, place, (by_a, by_D, touch[0], touch[1]))
+    arm_a = add(rho, add(r_a, D))
+    arm_b = add(rho, r_b)
     to_a = sum_of(by_rho, sum_of(by_r_a, by_D))
     by_t_a = sum_of(skew_product(t, to_a), multiple(-1.0, skew_product(arm_a, by_t)))
     to_b = multiple(-1.0, skew_product(t, sum_of(by_rho, by_r_b)))
@@ -314,8 +328,9 @@ def stiffness(
 
 
 @kernel
-def _now(start: ProductsWorkspace, k: int) -> Place:
-    return (at(start.n, k), at(start.D, k), at(start.r_a, k), at(start.r_b, k))
+def _now(group: Surfaces, start: ProductsWorkspace, k: int) -> Place:
+    touch = contact_points.now(group.half, group, start, k)
+    return (at(start.n, k), at(start.D, k), at(start.r_a, k), at(start.r_b, k), touch)
 
 
 @optional(0.0)
@@ -329,7 +344,7 @@ def rate(
 ) -> float:
     """Return a slip [m/s]."""
     a, b = products.a[k], products.b[k]
-    f, t_a, t_b = unit_force(group, k, _now(start, k))
+    f, t_a, t_b = unit_force(group, k, _now(group, start, k))
     return dot(f, sub(at(v, b), at(v, a))) + dot(t_a, at(W, a)) + dot(t_b, at(W, b))
 
 
@@ -343,15 +358,17 @@ def rate_of_slip(
     k: int,
 ) -> float:
     """Return the rate of a slip at zero accelerations [m/s2]."""
-    a, b, (d, D, arm_a, arm_b) = products.a[k], products.b[k], _now(start, k)
+    a, b, place = products.a[k], products.b[k], _now(group, start, k)
+    d, D, arm_a, arm_b, _ = place
     u = sub(at(v, b), at(v, a))
     r_a, r_b = cross(at(W, a), arm_a), cross(at(W, b), arm_b)
     D_dot = add(u, sub(r_b, r_a))
-    n, t = directions(group, k, d, D)
-    n_dot, t_dot = changes(group, k, d, D, cross(at(W, products.owner[k]), d), D_dot)
-    r = group.radius[k]
-    to_a, to_a_dot = axpy(-r, n, add(arm_a, D)), axpy(-r, n_dot, add(r_a, D_dot))
-    to_b, to_b_dot = axpy(-r, n, arm_b), axpy(-r, n_dot, r_b)
+    touch = contact_points.rate_of_touch(group.half, group, products, start, W, D_dot, k)
+    _, t, rho = directions(group, k, place)
+    a_dot = cross(at(W, products.owner[k]), d)
+    _, t_dot, rho_dot = changes(group, k, place, a_dot, D_dot, touch)
+    to_a, to_a_dot = add(rho, add(arm_a, D)), add(rho_dot, add(r_a, D_dot))
+    to_b, to_b_dot = add(rho, arm_b), add(rho_dot, r_b)
     t_a = add(cross(t_dot, to_a), cross(t, to_a_dot))
     t_b = add(cross(to_b_dot, t), cross(to_b, t_dot))
     return dot(t_dot, u) + dot(t_a, at(W, a)) + dot(t_b, at(W, b))
@@ -364,7 +381,10 @@ def choose_axes(group: Surfaces, products: Products, start: ProductsWorkspace) -
     for k in range(products.kind.size):
         if products.kind[k] != SURFACE or group.shape[k] == CYLINDER:
             continue
-        axis = least_along(across(group.shape[k], at(start.n, k), at(start.D, k)))
+        n = across(group.shape[k], at(start.n, k), at(start.D, k))
+        if group.shape[k] >= BOX:
+            n = _now(group, start, k)[4][0]
+        axis = least_along(n)
         changed = changed or axis != group.axis[k]
         group.axis[k] = axis
     return changed

@@ -29,6 +29,7 @@ import pandas as pd
 from msahl.contact.events import CLOSES, IMPACT, OPENS, PUSHES, RELEASES, SLIDES, STICKS
 from msahl.model import (
     BoxContact,
+    CapsuleContact,
     ContactSide,
     DistanceLimit,
     JointLimit,
@@ -138,6 +139,10 @@ def _place(side: ContactSide, model: Model, body: Mapping[str, int]) -> Entry | 
     elif isinstance(contact, BoxContact):
         axes = [float(c) for row in contact.axes for c in row]
         entry |= {"shape": "box", "half": floats(contact.half), "axes": axes}
+        entry |= {"radius": contact.parent_radius}
+    elif isinstance(contact, CapsuleContact):
+        entry |= {"axis": floats(contact.parent_axis), "rim": floats(contact.axis)}
+        entry |= {"half": [contact.parent_half, contact.half], "shape": "capsules"}
         entry |= {"radius": contact.parent_radius}
     elif isinstance(contact, PinContact):
         entry |= {"shape": "curve", "curve": points_of(contact).tolist()}

@@ -111,6 +111,7 @@ export class Contacts {
     if (shape === "box") return this.onBox(contact, a, b);
     if (shape === "curve") return this.onCurve(contact, b);
     const axis = contact.axis && this.turned(parent, contact.axis);
+    if (shape === "capsules") return this.betweenCapsules(contact, a, b, axis);
     if (shape === "plane") return { point: b.addScaledVector(axis, -radius), normal: axis };
     if (shape === "rim") {
       const about = this.turned(child, contact.rim);
@@ -122,6 +123,20 @@ export class Contacts {
     const foot = axis ? b.clone().sub(normal) : a;
     normal.normalize();
     return { point: foot.addScaledVector(normal, radius), normal: normal.multiplyScalar(sign) };
+  }
+
+  // Between the nearest points of the middle lines.
+  betweenCapsules({ child, rim, half, radius }, a, b, axis) {
+    const other = this.turned(child, rim);
+    const way = b.clone().sub(a);
+    const within = (x, most) => Math.min(Math.max(x, -most), most);
+    const [p, q, s] = [way.dot(axis), way.dot(other), axis.dot(other)];
+    let u = within((p - s * q) / Math.max(1 - s * s, 1e-15), half[0]);
+    const w = within(s * u - q, half[1]);
+    u = within(p + s * w, half[0]);
+    const foot = a.clone().addScaledVector(axis, u);
+    const normal = b.clone().addScaledVector(other, w).sub(foot).normalize();
+    return { point: foot.addScaledVector(normal, radius), normal };
   }
 
   onBox({ parent, axes, half, radius }, a, b) {
