@@ -25,9 +25,9 @@ LIFTED = 0.5
 STILL = 1e-12
 """Rate of a gap or slip, over the largest speed so far, that is zero but for round-off."""
 UNDIRECTED = 1e-10
-"""Slip, over the largest speed so far, whose direction is that of before: the noise of velocities
-within a step, over a smaller one, would not let the iteration settle. The way of such a slip is its
-square over twice its acceleration, 1e-20 m."""
+"""Slip, over the largest speed so far, that keeps its direction from before: relative to a smaller
+one, the noise that velocities have within a step does not let the iteration settle. Such a slip
+covers its square over twice its acceleration, 1e-20 m."""
 UNSEEN = 4.0
 """Height of rebounds or way of a slip, over the round-off of the gap, that is too small to be
 resolved."""
