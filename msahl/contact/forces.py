@@ -65,17 +65,9 @@ def _with_friction(
     rough = t[:, 0] >= 0
     slip = np.where(rough[:, None], speed[t], 0.0)
     length = np.hypot(*slip.T)
-    still, broken = rough & (length == 0.0), np.zeros(count, dtype=bool)
+    still = rough & (length == 0.0)
     toward = np.divide(slip, length[:, None], where=length[:, None] > 0.0, out=slip * np.nan)
-    if cause.slips >= 0:
-        for k in map(int, np.flatnonzero(still)):
-            if k == cause.slips or _grip_left(contacts, response, k) <= USED:
-                broken[k], toward[k] = True, _impending(contacts, response, k)
-        # One that has used up its grip before and does not move is held by others that are left
-        # with a part of theirs: it does not stick again.
-        held = still & cause.slid & ~broken
-        broken |= held
-        toward[held] = _directions(contacts, response)[held]
+    broken = _break(contacts, response, still, cause, toward)
     while True:
         cones = contacts.cones(response, still & ~broken, grips=True)
         assert cones is not None
@@ -100,6 +92,28 @@ def _with_friction(
             return force, sticks & ~slips, toward
 
 
+def _break(
+    contacts: ContactState, response: Response, still: np.ndarray, cause: Cause, toward: np.ndarray
+) -> np.ndarray:
+    """Return which of the contacts that are ``still`` (k,) have used up their grip, with their
+    directions in ``toward`` (k, 2).
+
+    One that has done so before, and does not move, is held by others with a part of theirs left: it
+    does not stick again.
+    """
+    broken = np.zeros(still.size, dtype=bool)
+    if cause.slips < 0:
+        return broken
+    for k in map(int, np.flatnonzero(still)):
+        if k == cause.slips or _grip_left(contacts, response, k) <= USED:
+            broken[k], toward[k] = True, _impending(contacts, response, k)
+    held = still & cause.slid & ~broken
+    group = contacts.system.forces.sliding
+    assert group is not None
+    toward[held] = group.toward[contacts.contacts.sliding[response.which[held]]]
+    return broken | held
+
+
 def _held_by(contacts: ContactState, response: Response, k: int) -> tuple[np.ndarray, float]:
     """Return the force (2,) that holds contact ``k``, and the largest one that can."""
     group = contacts.system.forces.sliding
@@ -107,13 +121,6 @@ def _held_by(contacts: ContactState, response: Response, k: int) -> tuple[np.nda
     own = contacts.contacts.sliding[response.which[k]]
     N, *T = contacts.state.reaction[group.reaction[own], :3]
     return np.array(T), float(group.grip[own] * N)
-
-
-def _directions(contacts: ContactState, response: Response) -> np.ndarray:
-    """Return where the contacts (k, 2) with friction slide, as far as they do."""
-    group = contacts.system.forces.sliding
-    assert group is not None
-    return group.toward[contacts.contacts.sliding[response.which]]
 
 
 def _grip_left(contacts: ContactState, response: Response, k: int) -> float:
