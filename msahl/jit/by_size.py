@@ -6,13 +6,14 @@ Both give the same digits.
 """
 
 from collections.abc import Callable
-from functools import cache
+from threading import local
 from typing import Any
 
 from msahl.jit.compiled import compiled
 
 LARGE = 400
 """Bodies, or other elements, from which a kernel is run compiled."""
+_of_thread = local()
 
 
 def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
@@ -20,7 +21,11 @@ def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
     return compiled_once(function) if size >= LARGE else function
 
 
-@cache
 def compiled_once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the compiled form of a kernel, always the same one."""
-    return compiled(function)
+    """Return the compiled form of a kernel, always the same one in a thread: its calls share memory
+    for their arguments.
+    """
+    known: dict[Any, Any] = _of_thread.__dict__.setdefault("known", {})
+    if function not in known:
+        known[function] = compiled(function)
+    return known[function]
