@@ -102,8 +102,8 @@ def _counts(path: Path, group: _Group) -> tuple[int, int]:
     found = [natural(word) for _, word in group.words[1:6]]
     if len(found) < 5 or None in found:
         raise ReductionError(
-            str(path), "expected a revision, the number of nodes, and of normal, attachment, constraint, "
-            "rejected modes", group.line,
+            str(path), "expected a revision and the numbers of nodes and of normal, attachment, "
+            "constraint, rejected modes", group.line,
         )  # fmt: skip
     n, *modes, rejected = (one or 0 for one in found)
     k = sum(modes) - rejected

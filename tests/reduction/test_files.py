@@ -142,26 +142,26 @@ def test_a_modal_file_of_mbdyn(tmp_path):
         given.stiffness,
     )
     model = build_model("beam", nodes, given)
-    whole = reduce_model(model, Wishes(WISHES.interfaces, Wanted(36))).body
+    complete = reduce_model(model, Wishes(WISHES.interfaces, Wanted(36))).body
     # As amplitudes all displacements of the nodes: 42 shapes, with the rigid ones.
     K = given.stiffness.toarray()
     (tmp_path / "beam.fem").write_text(modal_text(nodes, np.eye(42), np.diag(lumped), K, lumped))
     body = reduce_model(read_model(Files(tmp_path / "beam.fem")), WISHES).body
     assert len(body.eigenvalues) == 36
-    assert body.frequencies == pytest.approx(whole.frequencies, rel=1e-7)  # round-off, as above
-    assert body.invariants.inertia == pytest.approx(whole.invariants.inertia, abs=1e-10)
+    assert body.frequencies == pytest.approx(complete.frequencies, rel=1e-7)  # round-off, as above
+    assert body.invariants.inertia == pytest.approx(complete.invariants.inertia, abs=1e-10)
     assert np.isnan(body.frequency_errors).all()
     # Elastic modes alone, without the rigid ones, as programs write of free bodies.
     shapes = np.zeros((42, 36))
-    shapes[model.owners * 6 + model.components] = spread(whole, model)
-    text = modal_text(nodes, shapes, np.eye(36), np.diag(whole.eigenvalues), lumped)
+    shapes[model.owners * 6 + model.components] = spread(model)
+    text = modal_text(nodes, shapes, np.eye(36), np.diag(complete.eigenvalues), lumped)
     (tmp_path / "free.fem").write_text(text)
     again = reduce_model(read_model(Files(tmp_path / "free.fem")), WISHES).body
-    assert again.frequencies == pytest.approx(whole.frequencies, rel=1e-7)
+    assert again.frequencies == pytest.approx(complete.frequencies, rel=1e-7)
 
 
-def spread(body, model):
-    """Full shapes (42, q) of a body: translations of all nodes, and rotations by a dense solution."""
+def spread(model):
+    """Return the shapes (42, q) of all modes, with rotations of all nodes."""
     from msahl.reduction.craig_bampton import craig_bampton
     from msahl.reduction.floating import floating_modes
 
