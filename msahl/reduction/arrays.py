@@ -1,6 +1,7 @@
 """Arrays of ``.npz`` files, read safely: no objects, no more memory than the file announces."""
 
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,11 @@ from msahl.reduction.faults import ReductionError, shown
 MOST_BYTES = 2**32
 """Of all arrays of a file, unpacked."""
 MOST_ARRAYS = 100
+DAMAGED = (
+    *(ValueError, SyntaxError, EOFError, NotImplementedError, RuntimeError, KeyError),
+    *(zipfile.BadZipFile, zlib.error),
+)
+"""What reading a damaged archive, or a header of numpy, raises."""
 MOST_DIMENSIONS = 4
 
 
@@ -24,7 +30,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             return {one.filename.removesuffix(".npy"): _array(archive, one) for one in entries}
     except OSError as error:
         raise ReductionError(str(path), f"cannot be read: {error.strerror or error}") from error
-    except (ValueError, zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+    except DAMAGED as error:
         reason = shown(str(error)) or "it is damaged"
         raise ReductionError(str(path), f"is no .npz of numbers: {reason}") from error
 

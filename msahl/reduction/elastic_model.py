@@ -19,6 +19,9 @@ from msahl.reduction.faults import ReductionError
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 MOST_EQUATIONS = 5_000_000
 """Degrees of freedom of the largest model read."""
+LARGEST = 1e30
+"""Largest entry of a matrix, and 1e15 m is the farthest place: products stay finite."""
+FARTHEST = 1e15
 ASYMMETRY = 1e-6
 """Largest difference between M[i, j] and M[j, i], by the geometric mean of their diagonals: that of
 text with seven digits, the fewest that finite-element programs write."""
@@ -143,8 +146,9 @@ def _check(model: ElasticModel, given: Matrices, rows: np.ndarray) -> None:
     if again.any():
         name = model.row_name(int(np.argmax(again)))
         raise ReductionError(model.source, f"{name} has two rows; delete one")
-    if not np.isfinite(model.places).all():
-        label = model.labels[np.argmax(~np.isfinite(model.places).all(axis=1))]
+    near = (np.abs(model.places) <= FARTHEST).all(axis=1)
+    if not near.all():
+        label = model.labels[np.argmin(near)]
         raise ReductionError(model.source, f"node {label}: its place is not finite; correct it")
     matrices = {"mass": given.mass, "stiffness": given.stiffness, "damping": given.damping}
     for what, A in matrices.items():
@@ -153,10 +157,12 @@ def _check(model: ElasticModel, given: Matrices, rows: np.ndarray) -> None:
 
 
 def _check_matrix(model: ElasticModel, what: str, A: sparse.csr_array) -> None:
-    if not np.isfinite(A.data).all():
-        row = int(np.searchsorted(A.indptr, np.argmax(~np.isfinite(A.data)), "right")) - 1
+    wrong = ~(np.abs(A.data) <= LARGEST)
+    if wrong.any():
+        row = int(np.searchsorted(A.indptr, np.argmax(wrong), "right")) - 1
         raise ReductionError(
-            model.source, f"{model.row_name(row)}: its {what} is not finite; correct it"
+            model.source,
+            f"{model.row_name(row)}: its {what} is not finite, or above {LARGEST:g}; correct it",
         )
     diagonal = A.diagonal()
     if (diagonal < 0.0).any():

@@ -322,6 +322,45 @@ def test_texts_of_interfaces(text, message):
         interface_of(text)
 
 
+BYTES = b"0123456789-+.,eE* \n$%xX\xff\x00"
+PIECES = (b"1e999", b"nan", b"1e300", b"99999999999", b"\n", b",,,", b"*NODE\n", b"DMIG")
+
+
+def mutated(data, rng):
+    data = bytearray(data)
+    for _ in range(rng.integers(1, 4)):
+        at, kind = int(rng.integers(len(data))), rng.integers(4)
+        if kind == 0:
+            data[at] = BYTES[rng.integers(len(BYTES))]
+        elif kind == 1:
+            del data[at : at + int(rng.integers(1, 30))]
+        elif kind == 2:
+            data[at:at] = PIECES[rng.integers(len(PIECES))]
+        else:
+            del data[at + 1 :]
+        data = data or bytearray(b" ")
+    return bytes(data)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_mutated_files_are_read_or_refused(name, tmp_path):
+    path = WRITERS[name][0](tmp_path, *beam_parts(count=2))
+    wishes = Wishes((interface_of("A=1"), interface_of("B=3")), Wanted(2))
+    files = {file: file.read_bytes() for file in sorted(tmp_path.iterdir())}
+    rng = np.random.default_rng(7)
+    refused = []
+    for k in range(60):
+        file = list(files)[k % len(files)]
+        file.write_bytes(mutated(files[file], rng))
+        try:
+            body_bytes(reduce_model(read_model(Files(path)), wishes).body)
+        except ReductionError as error:
+            refused.append(str(error))
+        file.write_bytes(files[file])
+    assert len(refused) > 30
+    assert all(message.startswith(str(tmp_path)) for message in refused)
+
+
 def test_a_header_cannot_claim_more_than_the_file_has(tmp_path):
     import zipfile
 
