@@ -16,6 +16,16 @@ a trial
     d = (|s . d0| d0 + s - (s . d0) d0)/|s|         d0 the direction at the start of the step
 
 goes on along the same line, where s/|s| jumps. Where |s| is too small to have one, d is d0.
+
+A slip that begins is that small at first, and its direction is known from the solution only. Then
+
+    d = s/sqrt(s . s + w^2)
+
+with a ``width`` w is solved first. While w is much larger than |s| this friction is viscous, which
+any start leads to; the slip is along the forces that the friction does not hold. From there w is
+made smaller and smaller, to 1e-12 of the largest speed so far: the solution's direction hardly
+changes on this path. Friction is less than mu N by (w/|s|)^2/2 of it then, which is round-off but
+for the very beginning of a slip.
 """
 
 import math
@@ -34,12 +44,16 @@ from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.formulations.absolute.multipliers import by_unknown, multiplier
 from msahl.jit.kernel import kernel, optional
 
+WIDEST, NARROWER, WIDTHS = 1e10, 0.25, 21
+"""The largest width over the slip that is too small to have a direction, which is the largest speed
+so far; the ratio of a width to the one before; and how many there are, to 1e-12 of that."""
 ROTATED = 0.99
 """Cosine of the rotation of a slip's direction from step to step that counts as none."""
 
 
 class Sliding(NamedTuple):
-    """The contacts with friction; ``toward``, ``friction`` and ``still`` change during a run."""
+    """The contacts with friction; ``toward``, ``friction``, ``still`` and ``width`` change during a
+    run."""
 
     row: np.ndarray  # (k,) equation of the gap
     tangent: np.ndarray  # (k, 2) equations between the slips, of contacts that stick
@@ -49,12 +63,18 @@ class Sliding(NamedTuple):
     grip: np.ndarray  # (k,) coefficient of static friction, times the sign of N
     toward: np.ndarray  # (k, 2) d0
     still: np.ndarray  # (k,) slip that is too small to have a direction [m/s]
+    width: np.ndarray  # (1,) w, 0 but on the way to a solution [m/s]
     column: np.ndarray  # (k,) of the table of work
 
 
 @kernel
 def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, float, float]:
-    """Return d of contact ``k`` at the slip ``s``, and |s|, which is 0 where it is too small."""
+    """Return d of contact ``k`` at the slip ``s``, and |s| or with a width sqrt(s . s + w^2), which
+    is 0 where it is too small.
+    """
+    if group.width[0] > 0.0:
+        speed = math.sqrt(s_1 * s_1 + s_2 * s_2 + group.width[0] * group.width[0])
+        return s_1 / speed, s_2 / speed, speed
     t_1, t_2, speed = group.toward[k, 0], group.toward[k, 1], math.sqrt(s_1 * s_1 + s_2 * s_2)
     if speed <= group.still[k]:
         return t_1, t_2, 0.0
@@ -65,16 +85,37 @@ def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, fl
 
 
 @kernel
-def rotation_row(
-    group: Sliding, k: int, d_1: float, d_2: float, s_1: float, s_2: float
+def direction_slope(
+    group: Sliding, k: int, d: tuple[float, float], s: tuple[float, float], i: int
 ) -> tuple[float, float]:
-    """Return the vector whose product with a change of s, over |s|, rotates the direction ``d``."""
+    """Return the derivative of component ``i`` of the direction ``d`` by s, times |s|, or with a
+    width times sqrt(s . s + w^2).
+    """
+    if group.width[0] > 0.0:
+        return (1.0 if i == 0 else 0.0) - d[i] * d[0], (0.0 if i == 0 else 1.0) - d[i] * d[1]
     t_1, t_2 = group.toward[k, 0], group.toward[k, 1]
-    row_1, row_2 = -d_2, d_1
-    if s_1 * t_1 + s_2 * t_2 < 0.0:
+    row_1, row_2 = -d[1], d[0]
+    if s[0] * t_1 + s[1] * t_2 < 0.0:
         along = row_1 * t_1 + row_2 * t_2
         row_1, row_2 = row_1 - 2.0 * along * t_1, row_2 - 2.0 * along * t_2
-    return row_1, row_2
+    turned = -d[1] if i == 0 else d[0]
+    return turned * row_1, turned * row_2
+
+
+@optional(0.0)
+def widest(group: Sliding) -> float:
+    """Return the width from which to solve a step with friction [m/s]; 0 where nothing slides."""
+    found = 0.0
+    for k in range(group.row.size):
+        if group.friction[k] != 0.0:
+            found = max(found, WIDEST * group.still[k])
+    return found
+
+
+@optional()
+def set_width(group: Sliding, width: float) -> None:
+    """Let friction be viscous for slips below a ``width`` [m/s]."""
+    group.width[0] = width
 
 
 @kernel
@@ -238,20 +279,19 @@ def add_derivatives(
         d_1, d_2, speed = direction(group, k, s_1, s_2)
         if group.friction[k] == 0.0 or speed == 0.0:
             continue
-        row_1, row_2 = rotation_row(group, k, d_1, d_2, s_1, s_2)
         first, second = group.along[k, 0], group.along[k, 1]
-        force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
-        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
         load = -group.friction[k] * reaction[group.reaction[k], 0] / speed
-        add_outer(
-            out.by_rate, coords.block, first, factors(coords, frames, 1.0, first, load), force, row
-        )
+        c = factors(coords, frames, 1.0, first, load)
+        half_c = factors(coords, frames, 2.0, first, load)
         half_1 = rate_gradient(coords, q, frames, motion, first, out)
         half_2 = rate_gradient(coords, q, frames, motion, second, out)
-        row = across(half_1, half_2, row_1, row_2)
-        add_outer(
-            out.by_place, coords.block, first, factors(coords, frames, 2.0, first, load), force, row
-        )
+        for i in range(2):
+            row_1, row_2 = direction_slope(group, k, (d_1, d_2), (s_1, s_2), i)
+            force = parts_of(q.force[group.along[k, i]])
+            row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
+            add_outer(out.by_rate, coords.block, first, c, force, row)
+            row = across(half_1, half_2, row_1, row_2)
+            add_outer(out.by_place, coords.block, first, half_c, force, row)
 
 
 @kernel
@@ -349,11 +389,13 @@ def mean_jacobian(
             continue
         first, second = group.along[k, 0], group.along[k, 1]
         N = multiplier(scalar.equations, frames, Z, dt2, group.row[k])
-        force = across(parts_of(q.force[first]), parts_of(q.force[second]), -d_2, d_1)
-        row_1, row_2 = rotation_row(group, k, d_1, d_2, q.change[first], q.change[second])
-        row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
         c = factors(coords, frames, -dt2, first, -group.friction[k] * N / (h * speed))
-        add_outer(out, coords.block, first, c, force, row)
+        s = q.change[first] / h, q.change[second] / h
+        for i in range(2):
+            row_1, row_2 = direction_slope(group, k, (d_1, d_2), s, i)
+            force = parts_of(q.force[group.along[k, i]])
+            row = across(parts_of(q.slope[first]), parts_of(q.slope[second]), row_1, row_2)
+            add_outer(out, coords.block, first, c, force, row)
 
 
 @optional()

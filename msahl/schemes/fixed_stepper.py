@@ -42,6 +42,8 @@ rest of the step is taken as if there were no events."""
 MOST_PIECES = 500
 """Largest number of parts into which contacts divide a step, events or not: those of a step whose
 equations have no solution become ever shorter."""
+SMALLER, SHORTER_PARTS = 0.125, 3
+"""Part of a step that is taken where a slip that begins seems to end in it, and how often."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
 
@@ -366,10 +368,12 @@ class FixedStepper:
         event = detection.look() if outcome.converged and events < self.most_parts else None
         failed = not outcome.converged
         if event and not event.ends_run:
-            part = self._take_part(event, begin, h, part)
-            if self._is_missed(event, part) and not holds:
-                outcome, part = self._approach(event, begin, h)
-                event = None
+            if self._only_begins(event) and not holds:
+                outcome, part, event = self._begin_slip(event, begin, h, part)
+            else:
+                part = self._take_part(event, begin, h, part)
+                if self.contacts and math.isnan(part) and not holds:
+                    (outcome, part), event = self._approach(event, begin, h), None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
         if not failed:
             self.half_taken = halves and event is None
@@ -415,24 +419,51 @@ class FixedStepper:
             return Outcome(math.inf, -1)
         return self._solve_once(share * h, share, False)
 
-    def _is_missed(self, event: Event, part: float) -> bool:
-        """Whether contacts need a shorter step, as none of the fraction ``part`` leads to an
-        ``event``.
-        """
-        if self.contacts is None:
-            return False
-        begins = part == 0.0 and not event.at_start
-        return math.isnan(part) or (begins and self.contacts.only_begins(self.method, event))
+    def _only_begins(self, event: Event) -> bool:
+        """Whether an ``event`` is the end of a slip that has begun at the present time."""
+        return self.contacts is not None and self.contacts.only_begins(self.method, event)
 
     def _approach(self, event: Event, begin: list[np.ndarray], h: float) -> tuple[Outcome, float]:
         """Take a part of a step ``h`` half way to an ``event`` to which none can be taken: at the
         end of a slip its direction must be nearly that at the start of the part.
         """
+        share = 0.5 * (event.guess - float(begin[0][0])) / h
+        outcome, part = self._take_again(begin, h, share)
+        return outcome, part if outcome.converged and part > SHORTEST else math.nan
+
+    def _begin_slip(
+        self, event: Event, begin: list[np.ndarray], h: float, solved: float
+    ) -> tuple[Outcome, float, Event | None]:
+        """Take a part of a step ``h``, of which a fraction ``solved`` has a solution, although a
+        slip that begins seems to end in it by an ``event``; return the event at its end.
+
+        Such a slip grows by the square of the time, so at first it is less than the error of the
+        dense output. In a shorter part that is less as well; where it is not, the step is taken if
+        the contact slips at its end.
+        """
+        detection, share = self.method.detection, solved
+        assert detection
+        for _ in range(SHORTER_PARTS):
+            share *= SMALLER
+            outcome, part = self._take_again(begin, h, share)
+            found = detection.look() if outcome.converged else event
+            if found is None:
+                return outcome, part, None
+            if not self._only_begins(found):
+                return outcome, self._take_part(found, begin, h, part), found
+        outcome, part = self._take_again(begin, h, solved)
+        if outcome.converged and detection.value(event.margin) > event.level:
+            return outcome, part, None
+        part = self._take_part(event, begin, h, solved)
+        if part > 0.0 or event.at_start:
+            return outcome, part, event
+        return *self._approach(event, begin, h), None
+
+    def _take_again(self, begin: list[np.ndarray], h: float, share: float) -> tuple[Outcome, float]:
+        """Take a ``share`` of a step ``h`` from its ``begin``, as ``_solve_part`` does."""
         self._go_back(begin)
         self.reset_prediction()
-        share = 0.5 * (event.guess - float(begin[0][0])) / h
-        outcome, part = self._solve_part(h, share, False, False)
-        return outcome, part if outcome.converged and part > SHORTEST else math.nan
+        return self._solve_part(h, share, False, False)
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the

@@ -259,6 +259,7 @@ def _sliding(elements: Elements) -> Sliding:
         grip=_numbers(entry.grip for entry in entries),
         toward=np.tile([1.0, 0.0], (row.size, 1)),
         still=np.zeros(row.size),
+        width=np.zeros(1),
         column=np.array([entry.column for entry in entries]),
     )
 

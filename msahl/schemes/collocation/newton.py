@@ -19,12 +19,13 @@ from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import use_reactions
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.formulations.tree.table import Tree
-from msahl.jit.kernel import apart, kernel, unit
+from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.linalg import block_lu
 from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.ports.forces import ReactionForces, pressed_by_reactions
+from msahl.ports.sliding import Sliding
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
@@ -344,10 +345,11 @@ def take_step(subsystem: CollocationWorkspace, h: float) -> bool:
         remove_null_violation(subsystem)
         residual, worst, first = iterate(subsystem, h)
     subsystem.outcome[0], subsystem.outcome[1] = residual, worst
-    if not residual <= TOLERANCE:
+    if not (residual <= TOLERANCE or iterate_by_widths(system.forces.sliding, subsystem, h)):
         return False
     stages.predicted_well[0] = 1.0 if first <= PREDICTED_WELL else 0.0
     accept_step(subsystem, h)
+    sliding.set_width(system.forces.sliding, 0.0)
     if system.relaxation > 0.0:
         remove_null_violation(subsystem)
     return True
@@ -394,6 +396,26 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
     if is_implausible(system, predicted, length):
         residual = math.inf
     return residual, worst, first
+
+
+@optional(False)
+def iterate_by_widths(group: Sliding, subsystem: CollocationWorkspace, h: float) -> bool:
+    """Solve a step that has no solution near its prediction as that of slips that begin, on the way
+    of ``ports.sliding`` to them; return whether it is solved, with the last width, which is left.
+    """
+    workspace, stages, width = subsystem.workspace, subsystem.stages, sliding.widest(group)
+    if width == 0.0:
+        return False
+    predictor.predict(workspace.system, workspace.state, workspace.start, stages, h)
+    for _ in range(sliding.WIDTHS):
+        sliding.set_width(group, width)
+        residual, worst, _ = iterate(subsystem, h)
+        subsystem.outcome[0], subsystem.outcome[1] = residual, worst
+        if not residual <= TOLERANCE:
+            sliding.set_width(group, 0.0)
+            return False
+        width *= sliding.NARROWER
+    return True
 
 
 @kernel

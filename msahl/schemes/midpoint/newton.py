@@ -11,8 +11,10 @@ import math
 import numpy as np
 
 from msahl.formulations.absolute.frames import first_multiplier
-from msahl.jit.kernel import apart, kernel, unit
+from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.ports import sliding
+from msahl.ports.sliding import Sliding
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
 from msahl.schemes.common.criteria import DIVERGED, MAX_ITERATIONS, STUCK, is_implausible
@@ -147,6 +149,24 @@ def solve(workspace: Workspace, h: float) -> tuple[float, int]:
     return residual, worst
 
 
+@optional(False)
+def solve_by_widths(group: Sliding, workspace: Workspace, h: float) -> bool:
+    """Solve a step that has no solution near its prediction as that of slips that begin, on the way
+    of ``ports.sliding`` to them; return whether it is solved, with the last width, which is left.
+    """
+    width = sliding.widest(group)
+    if width == 0.0:
+        return False
+    _set_start(workspace, h, False)
+    for _ in range(sliding.WIDTHS):
+        sliding.set_width(group, width)
+        if not iterate(workspace, h, TARGET)[0] <= TOLERANCE:
+            sliding.set_width(group, 0.0)
+            return False
+        width *= sliding.NARROWER
+    return True
+
+
 @apart
 def _set_start(workspace: Workspace, h: float, repeats: bool) -> None:
     """Set ``Z`` to the motion of the last step if the step ``repeats`` it, or to the prediction."""
@@ -199,6 +219,8 @@ def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]
     """
     load_moments.set_loads(workspace, h)
     residual, worst = solve(workspace, h)
+    if not residual <= TOLERANCE and solve_by_widths(workspace.system.forces.sliding, workspace, h):
+        residual, worst = relative_residual(workspace, h)[:2]
     if workspace.system.relaxation > 0.0 and residual <= TOLERANCE:
         equations.jacobian(workspace.system, workspace.start, h, workspace.Z, workspace.values)
         sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
@@ -207,6 +229,7 @@ def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]
         remove_null_violation(workspace)
     if residual <= TOLERANCE:
         accept_step(workspace, h, share)
+    sliding.set_width(workspace.system.forces.sliding, 0.0)
     return residual, worst
 
 
