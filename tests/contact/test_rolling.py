@@ -247,3 +247,20 @@ def test_decks_end_where_they_say(name):
     found = sink.table("states")[-1, 1 + 12 * number : 4 + 12 * number]
     assert found == pytest.approx(place, abs=allowed)  # the error of its steps
     assert report.extremes["energyErrorMax"] < allowed
+
+
+def test_a_tippe_top_turns_upside_down_and_keeps_jelletts_constant():
+    """Friction acts at the point of contact, so its moment does no work on the vector from there:
+    the constant is one of the equations, which gauss3 keeps to its error of 1e-13."""
+    _, sink, events = run_events(deck("tippe_top"), "gauss3", 1e-3, 1.1)
+    assert [event[1] for event in events] == ["closes", "slides", "sticks"]
+    inertia, radius, low = np.array([2.994285714285714e-6] * 2 + [3.2e-6]), 0.02, 0.006
+    constants, axes = [], []
+    for row in sink.table("states")[::100]:
+        R = np.array(matrix(tuple(row[4:7])))
+        arm = radius * np.array(UP) - low * R[:, 2]
+        constants.append(float(R @ (inertia * row[10:13]) @ arm))
+        axes.append(R[2, 2])
+    assert constants == pytest.approx(np.full(len(constants), constants[0]), rel=1e-11)
+    assert axes[0] == pytest.approx(np.cos(0.1), abs=1e-12)
+    assert min(axes) < -0.9
