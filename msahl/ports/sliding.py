@@ -98,8 +98,8 @@ def direction_slope(
     if s[0] * t_1 + s[1] * t_2 < 0.0:
         along = row_1 * t_1 + row_2 * t_2
         row_1, row_2 = row_1 - 2.0 * along * t_1, row_2 - 2.0 * along * t_2
-    turned = -d[1] if i == 0 else d[0]
-    return turned * row_1, turned * row_2
+    across_d = -d[1] if i == 0 else d[0]
+    return across_d * row_1, across_d * row_2
 
 
 @optional(0.0)

@@ -249,7 +249,7 @@ def test_decks_end_where_they_say(name):
     assert report.extremes["energyErrorMax"] < allowed
 
 
-def test_a_tippe_top_turns_upside_down_and_keeps_jelletts_constant():
+def test_a_tippe_top_ends_upside_down_and_keeps_jelletts_constant():
     """Friction acts at the point of contact, so its moment does no work on the vector from there:
     the constant is one of the equations, which gauss3 keeps to its error of 1e-13."""
     _, sink, events = run_events(deck("tippe_top"), "gauss3", 1e-3, 1.1)
