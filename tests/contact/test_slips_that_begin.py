@@ -78,7 +78,7 @@ def test_the_order_is_kept(rate, scheme, sizes, least, tmp_path):
 ])  # fmt: skip
 def test_a_force_that_rotates_fast(scheme, close, tmp_path):
     """Four and a half revolutions in the run, three tenths of a radian in a step. The errors are
-    those of the schemes at this step: a hundredth to a thousandth and less of the displacement of 6 mm."""
+    those of the schemes at this step, a hundredth of the displacement of 6 mm and less."""
     x, kinds = place(30.0, scheme, 0.01, tmp_path)
     assert kinds == ["closes", "sticks", "slides"]
     assert np.hypot(*(x - exact(30.0))) < close

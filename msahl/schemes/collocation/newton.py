@@ -400,8 +400,8 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
 
 @optional(False)
 def iterate_by_widths(group: Sliding, subsystem: CollocationWorkspace, h: float) -> bool:
-    """Solve a step that has no solution near its prediction as that of slips that begin, by the path
-    of ``ports.sliding``; return whether it is solved, with the last width, which is left.
+    """Solve a step that has no solution near its prediction as that of slips that begin, by the
+    path of ``ports.sliding``; return whether it is solved, with the last width, which is left.
     """
     workspace, stages, width = subsystem.workspace, subsystem.stages, sliding.widest(group)
     if width == 0.0:

@@ -151,8 +151,8 @@ def solve(workspace: Workspace, h: float) -> tuple[float, int]:
 
 @optional(False)
 def solve_by_widths(group: Sliding, workspace: Workspace, h: float) -> bool:
-    """Solve a step that has no solution near its prediction as that of slips that begin, by the path
-    of ``ports.sliding``; return whether it is solved, with the last width, which is left.
+    """Solve a step that has no solution near its prediction as that of slips that begin, by the
+    path of ``ports.sliding``; return whether it is solved, with the last width, which is left.
     """
     width = sliding.widest(group)
     if width == 0.0:
