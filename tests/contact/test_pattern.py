@@ -24,8 +24,7 @@ def row_of_spheres(n):
     bodies = [body(name, 1.0, 0.01, (0.2 * k, 0.0, 0.0)) for k, name in enumerate(names)]
     origin = (0.0, 0.0, 0.0)
     contacts = tuple(
-        SphereContact(f"{a}.{b}", a, b, origin, origin, 0.1, 0.1)
-        for a, b in combinations(names, 2)
+        SphereContact(f"{a}.{b}", a, b, origin, origin, 0.1, 0.1) for a, b in combinations(names, 2)
     )
     return build_model(bodies, contacts=contacts)
 
@@ -76,7 +75,8 @@ def test_order_sees_closed_contacts_alone():
 
 
 @pytest.mark.parametrize(
-    "name", ["box_on_slope", "ball_on_a_plank", "steps", "crossed_rods", "woodpecker", "geneva_wheel"]
+    "name",
+    ["box_on_slope", "ball_on_a_plank", "steps", "crossed_rods", "woodpecker", "geneva_wheel"],
 )
 def test_nothing_of_a_closed_contact_is_outside_the_pattern(name):
     model = deck(name)
