@@ -35,6 +35,7 @@ ORDER = (
     "joints",
     "check",
     "beams",
+    "reduction",
     "deck",
     "system",
     "events",

@@ -18,12 +18,12 @@ from msahl.version import VERSION
 
 COMMANDS = (
     "check", "compile", "equilibrium", "explain", "export", "import", "inverse", "kinematics",
-    "linearize", "modes", "new", "run", "schema", "serve", "show", "study", "sweep",
+    "linearize", "modes", "new", "reduce", "run", "schema", "serve", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module of ``msahl.cli`` of its name."""
 PYTHONS = ("import",)
 """Commands that are called as a word of Python's: their modules have an underscore behind it."""
-DENSE = ("linearize", "modes")
+DENSE = ("linearize", "modes", "reduce")
 """Commands that solve dense eigenvalue problems, in as many threads as there are cores."""
 
 

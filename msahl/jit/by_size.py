@@ -5,18 +5,15 @@ seconds, and a compiled kernel takes milliseconds to load: worth it from some hu
 Both give the same digits.
 """
 
-from collections import Counter
 from collections.abc import Callable
-from functools import cache
+from threading import local
 from typing import Any
 
 from msahl.jit.compiled import compiled
 
 LARGE = 400
-MANY = 10_000
-"""Elements of all calls of a kernel that take about as long as to compile it."""
-_used: Counter[Callable[..., Any]] = Counter()
 """Bodies, or other elements, from which a kernel is run compiled."""
+_of_thread = local()
 
 
 def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
@@ -24,15 +21,11 @@ def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
     return compiled_once(function) if size >= LARGE else function
 
 
-def by_use(function: Callable[..., Any], size: int) -> Callable[..., Any]:
-    """Do likewise, and return it compiled as soon as its calls had ``MANY`` elements together: for
-    kernels whose code is the same for all models.
-    """
-    _used[function] += size
-    return compiled_once(function) if size >= LARGE or _used[function] > MANY else function
-
-
-@cache
 def compiled_once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the compiled form of a kernel, always the same one."""
-    return compiled(function)
+    """Return the compiled form of a kernel, always the same one in a thread: its calls share memory
+    for their arguments.
+    """
+    known: dict[Any, Any] = _of_thread.__dict__.setdefault("known", {})
+    if function not in known:
+        known[function] = compiled(function)
+    return known[function]

@@ -25,7 +25,7 @@ from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
-from msahl.jit.by_size import by_use
+from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
 from msahl.linalg.elimination import new_factor
 from msahl.ports import forces, sliding
@@ -233,7 +233,7 @@ def factor_at_rest(values: np.ndarray, unknowns: Unknowns) -> np.ndarray:
     numbers where a pivot is zero.
     """
     factor = new_factor(unknowns.elimination)
-    factorise = by_use(sparse_lu.factor, unknowns.elimination.order.size)
+    factorise = by_size(sparse_lu.factor, unknowns.elimination.order.size)
     with np.errstate(all="ignore"):
         factorise(unknowns.elimination, values, factor)
     return factor
@@ -284,7 +284,7 @@ def solve_sparse(
     factor = factor_at_rest(values, unknowns) if factor is None else factor
     solution, left, y = np.zeros_like(rows), np.zeros_like(rows), rows[order]
     wanted = rows[unknowns.free]
-    solve = by_use(sparse_lu.solve, order.size)
+    solve = by_size(sparse_lu.solve, order.size)
     largest = np.abs(wanted).max(initial=0.0)
     with np.errstate(all="ignore"):
         solve(unknowns.elimination, factor, y)

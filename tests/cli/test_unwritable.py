@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from msahl.cli.main import COMMANDS, main
 from msahl.post.cli import COMMANDS as POST_COMMANDS
 from msahl.post.cli import main as post
+from tests.support.elastic_files import write_beam
 from tests.support.models import ROOT
 from tests.support.run_folders import write as write_run
 from tests.support.sweep_folders import write_sweep
@@ -17,8 +18,8 @@ DECK = ROOT / "decks" / "basics" / "pendulum_by_angle.xml"
 CRANK = ROOT / "decks" / "mechanisms" / "slider_crank.xml"
 ROBOT = ROOT / "examples" / "arm.urdf"
 BRIEF = ("--t-final", "0.01", "--dt", "0.01")
-RUN, SWEEP = "run", "sweep"
-"""Stand for folders with results."""
+RUN, SWEEP, BODY = "run", "sweep", "beam.npz"
+"""Stand for folders with results, and the file of an elastic body."""
 WRITING = [
     (main, "run", DECK, *BRIEF),
     (main, "study", DECK, *BRIEF),
@@ -31,6 +32,7 @@ WRITING = [
     (main, "new", "pendulum"),
     (main, "schema"),
     (main, "import", ROBOT),
+    (main, "reduce", BODY, "--interface", 1),
     (main, "export", "loads", RUN),
     (main, "export", "fmu", DECK),
     (post, "report", RUN),
@@ -61,15 +63,16 @@ ELSEWHERE = {"check", "explain", "compile", "inverse", "serve"}
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """A folder with a run and a sweep."""
+    """A folder with a run, a sweep and an elastic body."""
     folder = tmp_path_factory.mktemp("results")
     write_run(folder / RUN)
+    write_beam(folder / BODY)
     write_sweep(folder / SWEEP, {"a": [1.0, 2.0, 3.0]}, {"Tip.z max": [1.0, 2.0, 4.0]})
     return folder
 
 
 def words_of(words, results):
-    return [str(results / word) if word in (RUN, SWEEP) else str(word) for word in words]
+    return [str(results / word) if word in (RUN, SWEEP, BODY) else str(word) for word in words]
 
 
 @pytest.mark.parametrize(("program", "name", "words"), [(p, n, w) for p, n, *w in WRITING])

@@ -63,14 +63,17 @@ NO_MATRIX: Matrix = (ZERO, ZERO, ZERO)
 
 @kernel
 def unit(a: Vector) -> Vector:
-    """``a/|a|``."""
-    return scale(1.0 / math.sqrt(dot(a, a)), a)
+    """``a/|a|``, or zero where ``a`` is: the middle of a sphere that is inside of a box has no
+    nearest point.
+    """
+    length = math.sqrt(dot(a, a))
+    return scale(1.0 / length, a) if length > 0.0 else ZERO
 
 
 @kernel
 def unit_change(e: Vector, length: float, da: Vector) -> Vector:
     """Change of the unit vector ``e`` of a vector of this ``length`` that changes by ``da``."""
-    return scale(1.0 / length, axpy(-dot(e, da), e, da))
+    return scale(1.0 / length, axpy(-dot(e, da), e, da)) if length > 0.0 else ZERO
 
 
 @kernel

@@ -1,0 +1,99 @@
+"""Reduced bodies: what a floating frame needs of an elastic body, and their files.
+
+A file is an ``.npz`` of numpy whose arrays are the fields of ``ReducedBody`` and of its invariants,
+in SI units, and ``format``.
+"""
+
+import io
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msahl.reduction.arrays import read_arrays
+from msahl.reduction.faults import ReductionError
+from msahl.reduction.invariants import Invariants
+
+FORMAT = "msahl elastic body 1"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ReducedBody:
+    """An elastic body with p interface nodes, n nodes, q modes of unit modal mass. Vectors are in
+    the axes of the model's file; the frame's origin is the undeformed mass centre."""
+
+    frame: str  # "mean", or the name of the interface to which the frame is fixed
+    centre: np.ndarray  # (3,) [m]: mass centre, in the coordinates of the model's file
+    eigenvalues: np.ndarray  # (q,) [rad^2/s^2]
+    damping: np.ndarray  # (q, q) [1/s]
+    interface_names: np.ndarray  # (p,)
+    interface_places: np.ndarray  # (p, 3) [m], from the centre
+    interface_shapes: np.ndarray  # (p, 6, q): translations and rotations
+    interface_rotates: np.ndarray  # (p,): whether rotations of the node are known
+    node_labels: np.ndarray  # (n,)
+    node_places: np.ndarray  # (n, 3) [m], from the centre
+    node_shapes: np.ndarray  # (n, 3, q): translations
+    frequency_errors: np.ndarray  # (q,): relative, infinite above the omitted frequencies
+    following_frequency: float  # [Hz]: the lowest omitted one, with the interface held
+    effective_mass: np.ndarray  # (6,)
+    static_residual: float
+    invariants: Invariants
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Natural frequencies (q,) [Hz] of the free body, or with the frame's node fixed."""
+        result: np.ndarray = np.sqrt(self.eigenvalues) / (2.0 * np.pi)
+        return result
+
+
+def body_bytes(body: ReducedBody) -> bytes:
+    """Return the contents of the file of a body."""
+    arrays = {one.name: getattr(body, one.name) for one in fields(body)}
+    invariants = arrays.pop("invariants")
+    arrays |= {f"invariant_{one.name}": getattr(invariants, one.name) for one in fields(invariants)}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, format=np.array(FORMAT), **arrays)
+    return stream.getvalue()
+
+
+def read_body(path: Path) -> ReducedBody:
+    """Return the body of a file that ``body_bytes`` made; raises ``ReductionError``."""
+    arrays = read_arrays(path)
+    if str(arrays.get("format", "")) != FORMAT:
+        raise ReductionError(str(path), f"it is no '{FORMAT}'; msahl reduce makes one")
+    try:
+        taken = {one.name: _taken(arrays, f"invariant_{one.name}") for one in fields(Invariants)}
+        own = {
+            one.name: _taken(arrays, one.name)
+            for one in fields(ReducedBody)
+            if one.name[:3] != "inv"
+        }
+    except KeyError as error:
+        raise ReductionError(str(path), f"{error.args[0]} is missing; make it again") from None
+    _check_shapes(path, own, taken)
+    return ReducedBody(**own, invariants=Invariants(**taken))
+
+
+def _taken(arrays: dict[str, np.ndarray], name: str) -> Any:
+    """Return an array of a file; one number or text as such."""
+    array = arrays[name]
+    return array.item() if array.ndim == 0 else array
+
+
+def _check_shapes(path: Path, own: dict[str, Any], taken: dict[str, Any]) -> None:
+    """Raise ``ReductionError`` unless the arrays fit together."""
+    q, p = np.size(own["eigenvalues"]), np.size(own["interface_names"])
+    n = np.size(own["node_labels"])
+    expected = {
+        "centre": (3,), "eigenvalues": (q,), "damping": (q, q), "interface_names": (p,),
+        "interface_places": (p, 3), "interface_shapes": (p, 6, q), "interface_rotates": (p,),
+        "node_labels": (n,), "node_places": (n, 3), "node_shapes": (n, 3, q),
+        "frequency_errors": (q,), "effective_mass": (6,),
+        "inertia": (3, 3), "translation": (3, q), "rotation": (3, q), "moment": (3, 3, q),
+        "gyration": (3, q, q), "inertia_slope": (3, 3, q), "inertia_curve": (3, 3, q, q),
+    }  # fmt: skip
+    for name, shape in expected.items():
+        found = np.shape({**own, **taken}[name])
+        if found != shape:
+            raise ReductionError(str(path), f"{name} is {found}, not {shape}; make it again")

@@ -1,0 +1,67 @@
+"""The report on a reduction: lines of text."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from msahl.reduction.reduce import Reduction
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+MOST_SHOWN = 40
+"""Modes that the table has."""
+
+
+def report(found: Reduction) -> Iterator[str]:
+    """Yield the lines of the report."""
+    body, inertia = found.body, found.body.invariants
+    yield f"{found.nodes} nodes, {found.equations} degrees of freedom, {inertia.mass:.9g} kg"
+    centre = ", ".join(f"{x:.6g}" for x in body.centre)
+    moments = ", ".join(f"{x:.6g}" for x in np.linalg.eigvalsh(inertia.inertia))
+    yield f"mass centre {centre} m, principal moments of inertia {moments} kg-m^2"
+    yield f"interface: {', '.join(_interfaces(found))}"
+    yield ""
+    yield from _basis(found)
+    yield ""
+    yield "mode  frequency [Hz]  too high by"
+    rows = zip(body.frequencies, body.frequency_errors, strict=True)
+    for k, (frequency, error) in enumerate(rows, 1):
+        if k > MOST_SHOWN:
+            yield f"   and {len(body.frequencies) - MOST_SHOWN} more"
+            break
+        yield f"{k:4d}  {frequency:14.9g}  {_error(error)}"
+
+
+def _interfaces(found: Reduction) -> Iterator[str]:
+    body = found.body
+    for name, rotates in zip(body.interface_names, body.interface_rotates, strict=True):
+        yield f"{name} ({6 if rotates else 3})"
+
+
+def _basis(found: Reduction) -> Iterator[str]:
+    """Yield what the shapes are, and what the omitted ones would add."""
+    body = found.body
+    if math.isnan(body.static_residual):
+        yield (f"{found.normal} modes of the file; without the full model no error is known")
+    else:
+        yield (
+            f"{found.static} static and {found.normal} normal modes with the interface "
+            f"fixed; residual of the statics {body.static_residual:.1e} of the forces"
+        )
+        yield f"lowest omitted frequency of these: {_frequency(body.following_frequency)}"
+        parts = zip(DIRECTIONS, body.effective_mass, strict=True)
+        shown = ", ".join(f"{name} {100.0 * part:.1f} %" for name, part in parts)
+        yield f"part of the inner mass that moves in the normal modes: {shown}"
+    where = "the free body (mean axes)" if body.frame == "mean" else f"{body.frame} fixed"
+    yield f"{len(body.eigenvalues)} modes of {where}, without rigid-body modes"
+    yield f"forces of rigid displacements: {found.resistance:.1e} of their terms"
+
+
+def _frequency(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.6g} Hz"
+
+
+def _error(value: float) -> str:
+    if math.isnan(value):
+        return "not known"
+    return f"{value:.1e}" if math.isfinite(value) else "above the omitted frequency"
