@@ -414,7 +414,7 @@ def _parallel_capsules(figures: Figures, limits: Limits) -> Iterator[Finding]:
         text = (
             f"capsules press while they are parallel: contact {', '.join(figures.parallel[:3])}"
             f"{f', and {more} more contacts' if more > 0 else ''}; one point of contact does not "
-            "determine their moment there, and the estimated error does not know; tilt one of "
+            "determine their moment there, and the estimated error does not show it; tilt one of "
             "them, or give the ends of each as the spheres of cylinderContacts whose <length> is "
             "that of the other"
         )

@@ -196,14 +196,14 @@ def test_capsules_that_cross_are_not_warned_of(case):
         assert "parallelCapsules" not in report.verdict["checks"]
 
 
-def test_a_run_that_is_resumed_knows_of_parallel_capsules():
+def test_a_run_that_is_resumed_finds_the_same_parallel_capsules():
     model = swung()
     _, sink, _ = run_events(model, "gauss2", 0.01, 0.1)
-    rows, whole = sink.table("states"), ParallelCapsules(model)
-    whole.add(rows)
+    rows, complete = sink.table("states"), ParallelCapsules(model)
+    complete.add(rows)
     for cut in (3, 5, 6, 8):
         before, after = ParallelCapsules(model), ParallelCapsules(model)
         before.add(rows[:cut])
         after.restore(json.loads(json.dumps(before.numbers())))
         after.add(rows[cut:])
-        assert after.found == whole.found != {}
+        assert after.found == complete.found != {}
