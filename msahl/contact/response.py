@@ -22,12 +22,13 @@ from msahl.formulations.absolute.frames import (
     moving_count,
     rotation_increment,
 )
+from msahl.jit.by_size import by_size
 from msahl.start.velocities import add_to_velocities, factor_at_rest, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
 from msahl.system.contacts import Contacts, set_closed, set_sticking
 from msahl.system.unknowns import Unknowns
-from msahl.system.work_arrays import WorkArrays, rigid_at_rest
+from msahl.system.work_arrays import WorkArrays, rigid_at_rest, size_of
 
 
 class Response(NamedTuple):
@@ -127,7 +128,8 @@ def gaps(
     work_arrays.call(evaluate.prepare, system, state, work_arrays.start)
     value, rate = np.zeros((2, system.scalar.coordinates.kind.size))
     start = work_arrays.start
-    scalar.values(system.scalar, start.scalar, start.frames, value, rate)
+    values = by_size(scalar.values, size_of(system))
+    values(system.scalar, start.scalar, start.frames, value, rate)
     q = system.scalar.equations.coordinate[contacts.row, 0]
     return value, contacts.sign * (value[q] - contacts.limit), rate
 
@@ -136,7 +138,8 @@ def choose_tangents(system: System, work_arrays: WorkArrays) -> None:
     """Take tangents of the contacts for an event, in the configuration of the last ``gaps``."""
     assert system.scalar is not None
     m = system.scalar.coordinates.products
-    surfaces.choose_axes(m.surfaces, m, work_arrays.start.scalar.coordinates.products)
+    choose_axes = by_size(surfaces.choose_axes, size_of(system))
+    choose_axes(m.surfaces, m, work_arrays.start.scalar.coordinates.products)
 
 
 def accelerations(

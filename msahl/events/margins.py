@@ -8,7 +8,7 @@ An event is that a scalar y of the motion reaches a level:
     FORCE        y is a multiplier, by its place                                  [N or N m]
     FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
     REACTING     y is an expression of joints' reactions at the same time, a place on the tape
-    KINK         y is the kink of a distance (``curves``, ``segments``)           [m or rad]
+    KINK         y is the kink of a distance (``curves``, ``segments``, boxes)    [m or rad]
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -38,6 +38,7 @@ import numpy as np
 
 from msahl.algebra.functions import PIECES, Law, Laws, build_laws, joined, piece_of
 from msahl.elements.constraints import scalar
+from msahl.elements.constraints.coordinate_kinds import from_boxes
 from msahl.elements.constraints.curves import CURVE
 from msahl.elements.constraints.equations import is_active
 from msahl.elements.constraints.segments import SEGMENTS
@@ -278,15 +279,16 @@ def _of_compliant_contacts(system: System, kink: int) -> Iterator[Margin]:
 
 
 def _of_distances(system: System, kink: int, contacts: Contacts | None) -> Iterator[Margin]:
-    """Yield the margins of distances from curves and between segments, but for those of contacts
-    that are open.
+    """Yield the margins of distances from boxes and curves and between segments, but for those of
+    contacts that are open.
     """
     if system.scalar is None:
         return
-    rows, opened = system.scalar.equations, set()
+    rows, group, opened = system.scalar.equations, system.scalar.coordinates, set()
     if contacts is not None:
         opened = {*rows.coordinate[contacts.row, 0][~is_active(rows)[contacts.row]].tolist()}
-    for q in np.flatnonzero(np.isin(system.scalar.coordinates.kind, (CURVE, SEGMENTS))).tolist():
+    bends = np.isin(group.kind, (CURVE, SEGMENTS)) | from_boxes(group)
+    for q in np.flatnonzero(bends).tolist():
         if q not in opened:
             yield Margin(KINK, q, SPLIT, law=kink, near=NEAR)
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.kernel import kernel
-from msahl.linalg.pattern import Pattern
+from msahl.linalg.pattern import SIZE, Pattern
 from msahl.linalg.symbolic import NO_LIMIT, Lists, product_count
 
 TREE = 2
@@ -79,7 +79,8 @@ def block_products(pattern: Pattern, nodes: np.ndarray, most: int) -> int:
     """
     position = np.full(pattern.nodes, -1)
     position[nodes] = np.arange(nodes.size)
-    rows, columns = position[pattern.blocks[1:]].T
+    couples = pattern.entries.reshape(-1, SIZE).any(axis=1)
+    rows, columns = position[pattern.blocks[couples]].T
     return product_count(nodes.size, rows, columns, most)
 
 

@@ -39,6 +39,14 @@ class Blocks:
         self._varying.append(start.reshape(-1))
         return start
 
+    def place_some(self, rows: np.ndarray, columns: np.ndarray, kept: np.ndarray) -> np.ndarray:
+        """Do as ``place``; only the blocks ``kept`` enter the pattern, the others are zero until
+        what they belong to is active (``system.graph.pattern_of``).
+        """
+        start = self._start(rows, columns)
+        self._varying.append(start[np.broadcast_to(kept, start.shape)])
+        return start
+
     def constant(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return where blocks start that are always numbers times the unit matrix; likewise 0."""
         start = self._start(rows, columns)

@@ -92,6 +92,7 @@ CHECKS = {
     "signals": "Signals and auxiliary states",
     "jumps": "Jumps by reactions",
     "speedJumps": "Jumps of prescribed speeds",
+    "parallelCapsules": "Parallel capsules",
     "reactions": "Reactions",
     "forceError": "Errors of forces",
     "momentError": "Errors of moments",

@@ -6,7 +6,13 @@ from collections.abc import Callable
 from msahl.model.settings import OFF
 from msahl.run.contacts import event_figures
 from msahl.run.contacts import figures as contact_figures
-from msahl.run.messages import angles_uncertain, jumping_by_reactions, slides, speeds_that_jump
+from msahl.run.messages import (
+    angles_uncertain,
+    jumping_by_reactions,
+    parallel_capsules,
+    slides,
+    speeds_that_jump,
+)
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
@@ -142,6 +148,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         energy_gained=(report.contacts or {}).get("energyGained", 0.0),
         jumping=jumping_by_reactions(setup.integrators),
         speed_jumps=speeds_that_jump(setup.model, report.time),
+        parallel=parallel_capsules(setup.model, record.capsules.found),
     )
 
 

@@ -38,7 +38,7 @@ from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
 from msahl.run.stop import fulfilled_at_start, margin_after, time_of_stop, words_of
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.tables import ERROR, EVENTS, Sink
+from msahl.run.tables import ERROR, EVENTS, STATES, Sink
 from msahl.schemes.outcome import Stopped
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk
@@ -199,7 +199,7 @@ class TimeLoop:
             raise StartError(self.report.message)
         if fulfilled_at_start(setup.integrators):
             raise StartError(stops_at_once(words_of(setup.model)))
-        self.record = Record(setup.integrators, setup.output.grid.t_final)
+        self.record = Record(setup.model, setup.integrators, setup.output.grid.t_final)
         self.report.status = COMPLETED
         if since:
             restore_snapshot(since, self.system, setup, self.record, self.report)
@@ -441,6 +441,8 @@ class TimeLoop:
         began = time.perf_counter()
         try:
             tables = self.setup.tables.rows(times) if times.size else {}
+            if times.size:
+                self.record.capsules.add(tables[STATES])
             if self.sink.takes_observed and times.size:
                 tables |= self.setup.observed.rows(tables)
             self.sink.write({**tables, ERROR: errors, EVENTS: events})

@@ -1,7 +1,7 @@
 """Messages of a run: what went wrong, where, and what to do."""
 
 import errno
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -130,6 +130,11 @@ def speeds_that_jump(model: Model, end: float) -> list[str]:
                 f"'{motion.name}'{in_deck(model, motion.name)} at t = {times[0]:g} s{more}"
             )
     return found
+
+
+def parallel_capsules(model: Model, found: Mapping[str, float]) -> list[str]:
+    """The contacts of capsules that were ``found`` to press while parallel, and when [s]."""
+    return [f"'{name}'{in_deck(model, name)} at t = {t:.6g} s" for name, t in found.items()]
 
 
 def describe_equation(integrator: SubsystemIntegrator, row: int) -> str:

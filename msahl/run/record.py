@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msahl.model import RunSettings
+from msahl.model import Model, RunSettings
 from msahl.ports import forces
 from msahl.run.extremes import Extremes
+from msahl.run.parallel_capsules import ParallelCapsules
 from msahl.run.row_energy import row_energies
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.diagnostics import STOP
@@ -14,10 +15,12 @@ from msahl.system.momentum import Momentum, drift, is_alone, momentum
 
 
 class Record:
-    """Figures of the steps that the ``integrators`` take until ``t_final`` [s]."""
+    """Figures of the steps that the ``integrators`` of a ``model`` take until ``t_final`` [s]."""
 
-    def __init__(self, integrators: Sequence[SubsystemIntegrator], t_final: float) -> None:
-        self.integrators = integrators
+    def __init__(
+        self, model: Model, integrators: Sequence[SubsystemIntegrator], t_final: float
+    ) -> None:
+        self.integrators, self.capsules = integrators, ParallelCapsules(model)
         first = [integrator.workspace.monitor.rows[:1, :STOP] for integrator in integrators]
         self.extremes = Extremes(
             first, sum(_energy_scale(integrator, t_final) for integrator in integrators)

@@ -23,6 +23,7 @@ def take_snapshot(system: str, setup: RunSetup, record: Record, report: Report) 
         "resumed": report.resumed,
         "seconds": dict(report.seconds),
         "extremes": record.extremes.numbers(),
+        "capsules": record.capsules.numbers(),
         "subsystems": [counters(integrator) for integrator in setup.all_integrators],
         "error": setup.estimate and setup.estimate.numbers(),
         "mesh": setup.mesh and setup.mesh.numbers(),
@@ -53,6 +54,7 @@ def restore_snapshot(
     restore_memory(setup.all_integrators, since.memory)
     setup.plan.progress = Progress(**numbers["progress"])
     record.extremes.restore(numbers["extremes"])
+    record.capsules.restore(numbers["capsules"])
     setup.observed.restore(numbers["observed"])
     if setup.estimate:
         setup.estimate.restore(numbers["error"])

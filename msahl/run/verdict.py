@@ -137,6 +137,7 @@ class Figures:
     energy_gained: float = 0.0  # by impacts
     explicit: bool = False  # whether steps solve for nothing, and energy drifts
     speed_jumps: Sequence[str] = ()  # motions whose speed jumps, and when
+    parallel: Sequence[str] = ()  # contacts of capsules that press while parallel, and when
 
     @property
     def size(self) -> float:
@@ -406,6 +407,20 @@ def _speed_jumps(figures: Figures, limits: Limits) -> Iterator[Finding]:
         yield Finding("speedJumps", WARN, text)
 
 
+def _parallel_capsules(figures: Figures, limits: Limits) -> Iterator[Finding]:
+    """One point of contact does not determine how they press, at any size of the steps."""
+    if figures.parallel:
+        more = len(figures.parallel) - 3
+        text = (
+            f"capsules press while they are parallel: contact {', '.join(figures.parallel[:3])}"
+            f"{f', and {more} more contacts' if more > 0 else ''}; one point of contact does not "
+            "determine their moment there, and the estimated error does not show it; tilt one of "
+            "them, or give the ends of each as the spheres of cylinderContacts whose <length> is "
+            "that of the other"
+        )
+        yield Finding("parallelCapsules", WARN, text)
+
+
 def _initial_velocities(figures: Figures, limits: Limits) -> Iterator[Finding]:
     speed = max(figures.extreme("speedMax"), figures.velocity_change)
     if figures.velocity_change > CHANGED * speed:
@@ -613,6 +628,7 @@ CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
     _initial_velocities,
     _jumps,
     _speed_jumps,
+    _parallel_capsules,
     _impacts,
 )
 """All checks, in the order in which they are reported."""

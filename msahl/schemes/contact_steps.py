@@ -13,8 +13,7 @@ import numpy as np
 from msahl.contact.modes import ContactModes, ContactsUnsolved
 from msahl.events.search import Event
 from msahl.linalg.elimination import new_factor
-from msahl.schemes.common.workspace import Workspace
-from msahl.system import evaluate
+from msahl.schemes.common.workspace import Workspace, prepare
 
 if TYPE_CHECKING:
     from msahl.switching.modes import Switching
@@ -110,8 +109,7 @@ class ContactSteps:
         if new is not method:
             new.begin_again(method)
         new.detection.follow(method.detection)
-        workspace = self.workspace
-        evaluate.prepare(workspace.system, workspace.state, workspace.start)
+        prepare(self.workspace)
         new.reset_prediction()
         return new
 

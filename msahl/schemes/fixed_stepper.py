@@ -20,11 +20,10 @@ import numpy as np
 
 from msahl.events.search import Event, NoStep, time_of_zero
 from msahl.jit.compiled import Call
-from msahl.schemes.common.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace, prepare
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk, Stepper
-from msahl.system import evaluate
 
 if TYPE_CHECKING:
     from msahl.schemes.contact_steps import ContactSteps
@@ -129,7 +128,7 @@ def begin_anew(method: Any, contacts: "ContactSteps | None") -> Any:
     workspace = method.workspace
     if method.detection:
         method.detection.forget_sides()
-    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    prepare(workspace)
     method.reset_prediction()
     return contacts.change(method, None) if contacts else method
 
@@ -545,7 +544,7 @@ class FixedStepper:
         """Bring the workspace back to what was saved."""
         for array, value in zip(self._changing(), saved, strict=True):
             array[:] = value
-        evaluate.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
+        prepare(self.workspace)
 
     def _changing(self) -> list[np.ndarray]:
         workspace = self.workspace

@@ -105,6 +105,11 @@ class EquationEntry(NamedTuple):
     column: int = -1  # of the table of work
     first_coefficient: float = 1.0  # of the first; 0 of contacts, which are open
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it is that of a contact."""
+        return self.first_coefficient == 0.0
+
 
 class CoordinateEntry(NamedTuple):
     """A force along a coordinate, see ``ports.coordinate``."""

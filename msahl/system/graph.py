@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from msahl.elements.constraints.equations import is_active
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.linalg import node_order as order
 from msahl.linalg.node_order import Graph
-from msahl.linalg.pattern import Pattern
+from msahl.linalg.pattern import SIZE, Pattern
 from msahl.linalg.symbolic import grouped
-from msahl.system.arrays import System, node_count
+from msahl.system.arrays import Multipliers, System, node_count
 
 
 def node_order(system: System) -> np.ndarray:
@@ -16,13 +17,32 @@ def node_order(system: System) -> np.ndarray:
 
 
 def pattern_of(system: System) -> Pattern:
-    """Return the pattern of the Jacobian."""
-    return Pattern(node_count(system), system.blocks, system.pattern)
+    """Return the pattern of the Jacobian, with the blocks of contacts that are closed."""
+    entries = system.pattern
+    if system.scalar is not None:
+        rows = system.scalar.equations
+        along = system.scalar.coordinates.block[rows.coordinate[is_active(rows), 0]]
+        places = (rows.force_block, rows.constraint_block)
+        own = [place[is_active(rows)].reshape(-1) for place in places]
+        blocks = np.concatenate([along.reshape(-1), *own]) // SIZE
+        entries = entries.reshape(-1, SIZE).copy()
+        entries[blocks[blocks > 0]] = True
+    return Pattern(node_count(system), system.blocks, entries.reshape(-1))
+
+
+def _open(system: System) -> np.ndarray:
+    """(k,) which of the multipliers' nodes are those of open contacts alone: no block of theirs is
+    in the pattern.
+    """
+    pattern, first = pattern_of(system), first_multiplier(system.frames)
+    nodes = pattern.blocks[pattern.entries.reshape(-1, SIZE).any(axis=1)]
+    return ~np.isin(system.multipliers.node, nodes[nodes >= first])
 
 
 def graph_of(system: System) -> Graph:
     """Return what couples the bodies; elements are numbered as their multipliers come."""
-    multipliers, ground = system.multipliers, moving_count(system.frames)
+    ground, couples = moving_count(system.frames), ~_open(system)
+    multipliers = Multipliers(*(array[couples] for array in system.multipliers))
     _, first, number = np.unique(
         multipliers.element, return_index=True, return_inverse=True
     )  # by the numbers of the model
@@ -43,7 +63,7 @@ def graph_of(system: System) -> Graph:
         of_beam=multipliers.of_beam[first],
         pushing=pushing,
         rotational=rotational,
-        coupled=_coupled(system, ground),
+        coupled=_coupled(multipliers, ground),
         forced=_forced(system, ground),
     )
 
@@ -57,16 +77,17 @@ def _sorted_set(numbers: np.ndarray) -> np.ndarray:
     return ordered[np.diff(ordered, prepend=ordered[:1] - 1) != 0]
 
 
-def _coupled(system: System, ground: int) -> np.ndarray:
+def _coupled(multipliers: Multipliers, ground: int) -> np.ndarray:
     """(p, 2) pairs of frames of one equation, in both orders."""
-    bodies = system.multipliers.bodies
+    bodies = multipliers.bodies
     first, second = np.broadcast_arrays(bodies[:, :, None], bodies[:, None, :])
     return _moving(np.stack([first.reshape(-1), second.reshape(-1)], axis=1), ground)
 
 
 def _forced(system: System, ground: int) -> np.ndarray:
     """(q, 2) pairs of frames whose equations a force couples."""
-    blocks = system.blocks[1:]
+    pattern = pattern_of(system)
+    blocks = pattern.blocks[pattern.entries.reshape(-1, SIZE).any(axis=1)]
     of_frames = (blocks < first_multiplier(system.frames)).all(axis=1)
     return _moving(system.frames.of_node[blocks[of_frames]], ground)
 

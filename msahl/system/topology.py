@@ -52,7 +52,7 @@ class Topology(NamedTuple):
     shown: Shown
     multipliers: Multipliers
     blocks: np.ndarray  # (m, 2) row and column node of each block
-    pattern: np.ndarray  # (9 m,) which entries of the blocks are not always zero
+    pattern: np.ndarray  # (9 m,) which entries of the blocks are not always zero, contacts open
     unit_blocks: np.ndarray  # (n,) starts of the blocks that are always the unit matrix
     coincide_blocks: np.ndarray  # (k, 2, 2) by side: force by multiplier, violation by displacement
     relaxed_blocks: np.ndarray  # (k,) by multiplier, of a relaxed system; else empty
@@ -329,11 +329,26 @@ def _parts(elements: Elements, frames: Indices) -> np.ndarray:
 
 def _coordinates(elements: Elements, parts: np.ndarray, blocks: Blocks) -> Indices:
     sizes = [len(coordinate.products) for coordinate, _ in elements.coordinates]
+    kept = ~_of_open_contacts(elements)[:, None, None]
+    block = blocks.place_some(parts[:, :, None], parts[:, None, :], kept)
     return {
         "kind": indices([coordinate.kind for coordinate, _ in elements.coordinates]),
         "first": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-        "block": blocks.place(parts[:, :, None], parts[:, None, :]).reshape(-1, PARTS * PARTS),
+        "block": block.reshape(-1, PARTS * PARTS),
     }
+
+
+def _of_open_contacts(elements: Elements) -> np.ndarray:
+    """(q,) coordinates along which nothing but contacts acts, which are open in a new system."""
+    found = np.zeros(len(elements.coordinates), dtype=bool)
+    found[[e.first for e in elements.equations if e.is_open]] = True
+    others = [q for e in elements.equations if not e.is_open for q in (e.first, e.second)]
+    others += [entry.coordinate for entry in elements.along]
+    others += [q for entry in elements.rubbing for q in entry.along]
+    if elements.signals is not None:
+        others += [result.coordinate for result in elements.signals.results]
+    found[[q for q in others if q >= 0]] = False
+    return found
 
 
 def _equations(
@@ -346,7 +361,8 @@ def _equations(
     part = np.vstack([parts, np.full((1, PARTS), -1)])[coordinate]
     node = np.broadcast_to(first + place[:, :1, None], part.shape)
     rows, columns = np.stack([part, node], axis=2), np.stack([node, part], axis=2)
-    starts = blocks.place(rows, columns)
+    kept = np.array([not e.is_open for e in entries], dtype=bool)
+    starts = blocks.place_some(rows, columns, kept[:, None, None, None])
     return {
         "place": place,
         "coordinate": coordinate,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements.constraints.equations import is_active
 from msahl.formulations.absolute.frames import moving_count
 from msahl.jit.by_size import LARGE
 from msahl.jit.recent import Recent
@@ -38,13 +39,15 @@ def choose(system: System, free: np.ndarray, nodes: np.ndarray | None = None) ->
     """
     if nodes is not None or moving_count(system.frames) >= LARGE:
         return _chosen(system, free, nodes)
-    pattern = system.blocks
+    pattern, active = system.blocks, b""
+    if system.scalar is not None:
+        active = is_active(system.scalar.equations).tobytes()
 
     def chosen() -> tuple[np.ndarray, Unknowns]:
-        _, order = _ORDERS.get(id(pattern), lambda: (pattern, node_order(system)))
+        _, order = _ORDERS.get((id(pattern), active), lambda: (pattern, node_order(system)))
         return pattern, _chosen(system, free, order)
 
-    return _CHOSEN.get((id(pattern), free.tobytes(), _by_panels(system)), chosen)[1]
+    return _CHOSEN.get((id(pattern), active, free.tobytes(), _by_panels(system)), chosen)[1]
 
 
 def _chosen(system: System, free: np.ndarray, nodes: np.ndarray | None) -> Unknowns:
@@ -73,5 +76,5 @@ def _dense_map(system: System, free: np.ndarray) -> tuple[np.ndarray, np.ndarray
     rows = position[3 * system.blocks[:, 0, None, None] + offsets[:, None]]
     columns = position[3 * system.blocks[:, 1, None, None] + offsets[None, :]]
     rows, columns = np.broadcast_arrays(rows, columns)
-    solved = (rows >= 0) & (columns >= 0) & system.pattern.reshape(rows.shape)
+    solved = (rows >= 0) & (columns >= 0) & pattern_of(system).entries.reshape(rows.shape)
     return np.flatnonzero(solved), (rows * free.size + columns)[solved]

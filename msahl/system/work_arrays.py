@@ -12,7 +12,14 @@ from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import LARGE, by_size, compiled_once
 from msahl.jit.storage import Storage
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+from msahl.system.arrays import (
+    State,
+    System,
+    SystemWorkspace,
+    coordinate_count,
+    new_system_workspace,
+    node_count,
+)
 
 PLAIN_CALLS = 100
 """Calls of kernels that stay plain Python: those of four events. To load their code takes a tenth
@@ -27,13 +34,20 @@ class WorkArrays(NamedTuple):
     call: Callable[..., Any]  # calls a kernel with its arguments
 
 
+def size_of(system: System) -> int:
+    """Return the bodies of a system, or its coordinates where they are more: one between each two
+    bodies of a set of contacts.
+    """
+    return max(moving_count(system.frames), coordinate_count(system))
+
+
 class PlainFirst:
     """Calls kernels as plain Python at first, as it takes longer to load their code, unless the
     ``system`` is large. Both give the same digits.
     """
 
     def __init__(self, system: System) -> None:
-        self.size, self.calls = moving_count(system.frames), 0
+        self.size, self.calls = size_of(system), 0
 
     def __call__(self, kernel: Callable[..., Any], *given: Any) -> Any:
         """Return what the ``kernel`` returns of what is ``given``."""

@@ -1,12 +1,18 @@
 """Capsules against capsules: impacts of sides and ends, and a rod that leaves another."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from msahl.algebra.functions import Law
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.check import check
 from msahl.check.directions import frame
-from msahl.model import CapsuleContact, Joint
+from msahl.model import CapsuleContact, Joint, JointMotion
+from msahl.model.contacts import Compliance
+from msahl.run.parallel_capsules import ParallelCapsules
 from tests.contact.models import DOWN, run_events
 from tests.contact.test_friction_on_bodies import momenta
 from tests.support.models import GROUND, body, build_model, deck
@@ -112,3 +118,92 @@ def test_capsules_that_touch_along_a_line_end_the_run_in_words():
 def test_capsules_that_overlap_are_refused():
     (fault,) = check(parallel(-0.01))
     assert "it overlaps by 0.01 m" in fault.message
+
+
+def soft(model):
+    """The model with a compliant contact instead of a rigid one."""
+    law = {"restitution": 1.0, "friction": 0.0, "compliance": Compliance(1e4)}
+    return replace(model, contacts=(replace(model.contacts[0], **law),))
+
+
+def guided():
+    """A capsule that falls on another one, parallel to it, on a rail that keeps it so."""
+    rail = frame(UP)
+    model = soft(parallel(0.05))
+    joint = Joint("Rail", "prismatic", "A", "B", ZERO, (-0.1, 0.0, -0.25), rail, rail)
+    return replace(model, joints=(joint,))
+
+
+def swung():
+    """A capsule that is pressed on one below it by a hinge, about which it rotates through
+    parallel at 0.05 s.
+    """
+    hinge, place = frame(Y), (0.0, 0.0, 2.0 * R - 0.02)
+    axis = (np.cos(0.05), 0.0, np.sin(0.05))
+    rod = body("B", 1.0, 50.0, place, angular_velocity=Y)
+    joint = Joint("Hinge", "revolute", GROUND.name, "B", place, ZERO, hinge, hinge)
+    contact = CapsuleContact("Touch", GROUND.name, "B", ZERO, ZERO, X, axis, *SIZES)
+    return soft(build_model([rod], joints=(joint,), contacts=(contact,)))
+
+
+def lifted():
+    """A hinged rod that lies on the end of a capsule, which lifts it through parallel, where the
+    other end hits it; rigid.
+    """
+    rail, hinge, tilt = frame(UP), frame(Y), 0.1
+    axis, side = (np.cos(tilt), 0.0, -np.sin(tilt)), (np.sin(tilt), 0.0, np.cos(tilt))
+    place, end = tuple(1.4 * np.array(axis)), tuple(-1.4 * np.array(axis))
+    right = np.array(place) - 2.0 * R * np.array(side)
+    middle = tuple(right - np.array((0.4, 0.0, 0.0)))
+    rate = float(np.cos(tilt)) / 1.4
+    bodies = [
+        body("A", 100.0, 1.0, middle, velocity=(0.0, 0.0, 1.0)),
+        body(
+            "B",
+            1.0,
+            0.1,
+            place,
+            velocity=tuple(1.4 * rate * np.array(side)),
+            angular_velocity=(0.0, -rate, 0.0),
+        ),
+    ]
+    joints = (
+        Joint("Rail", "prismatic", GROUND.name, "A", middle, ZERO, rail, rail),
+        Joint("Hinge", "revolute", GROUND.name, "B", ZERO, end, hinge, hinge),
+    )
+    contact = CapsuleContact("Touch", "A", "B", ZERO, ZERO, X, axis, 0.4, 1.4, R, R)
+    up = (JointMotion("Up", "Rail", "slide", Law("polynomial", (0.0, 1.0))),)
+    return build_model(bodies, joints=joints, motions=up, gravity=DOWN, contacts=(contact,))
+
+
+@pytest.mark.parametrize(
+    ("model", "dt", "end", "about"),
+    [(guided(), 0.01, 0.1, 0.05), (swung(), 0.01, 0.1, 0.05), (lifted(), 0.01, 0.25, 0.14)],
+    ids=["guided", "swung", "lifted"],
+)
+def test_capsules_that_press_while_parallel_do_not_pass(model, dt, end, about):
+    report, _, _ = run_events(model, "gauss2", dt, end, error="estimate")
+    check = report.verdict["checks"]["parallelCapsules"]
+    assert check["word"] == "WARN"
+    assert "contact 'Touch' at t = " in check["text"]
+    assert float(check["text"].split("t = ")[1].split(" s")[0]) == pytest.approx(about, abs=0.02)
+
+
+@pytest.mark.parametrize("case", STARTS)
+def test_capsules_that_cross_are_not_warned_of(case):
+    for model in (pair(*STARTS[case]), soft(pair(*STARTS[case]))):
+        report, _, _ = run_events(model, "gauss2", 0.01, 0.4)
+        assert "parallelCapsules" not in report.verdict["checks"]
+
+
+def test_a_run_that_is_resumed_finds_the_same_parallel_capsules():
+    model = swung()
+    _, sink, _ = run_events(model, "gauss2", 0.01, 0.1)
+    rows, complete = sink.table("states"), ParallelCapsules(model)
+    complete.add(rows)
+    for cut in (3, 5, 6, 8):
+        before, after = ParallelCapsules(model), ParallelCapsules(model)
+        before.add(rows[:cut])
+        after.restore(json.loads(json.dumps(before.numbers())))
+        after.add(rows[cut:])
+        assert after.found == complete.found != {}

@@ -127,6 +127,28 @@ def share_beyond(p: float, dp: float, half: float) -> tuple[float, float]:
     return share, (end - share) / dp
 
 
+def from_boxes(group: Coordinates) -> np.ndarray:
+    """(q,) which coordinates are distances from boxes."""
+    sized = (group.products.kind == SLIDE) & (group.products.e[:, 0] > 0.0)
+    found: np.ndarray = np.diff(np.concatenate([[0], np.cumsum(sized)])[group.first]) > 0
+    return found & (group.kind == RADIUS)
+
+
+@kernel
+def kink_of_box(group: Coordinates, start: CoordinatesWorkspace, q: int) -> float:
+    """Return the kink of a distance from a box [m]: it is zero where a product is at an end of the
+    box, and changes its sign there.
+    """
+    least, sign = math.inf, 1.0
+    for i in range(group.first[q], group.first[q + 1]):
+        half = half_size(group.products, i)
+        if half > 0.0:
+            outside = abs(start.products.value[i]) - half
+            least = min(least, abs(outside))
+            sign = sign if outside > 0.0 else -sign
+    return sign * least
+
+
 @kernel
 def skew_distance(m: np.ndarray, k: int, L: float) -> float:
     """Return the SKEW coordinate of the products ``m`` from number ``k`` on."""

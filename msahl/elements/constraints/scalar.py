@@ -17,9 +17,11 @@ from msahl.algebra.functions import Laws, evaluate
 from msahl.elements.constraints import coordinate_jacobians, coordinates, curves, segments
 from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
 from msahl.elements.constraints.coordinate_kinds import (
+    RADIUS,
     Coordinates,
     CoordinatesWorkspace,
     Derivatives,
+    kink_of_box,
 )
 from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
 from msahl.elements.constraints.equations import (
@@ -456,11 +458,15 @@ def values(
 
 @optional(0.0)
 def kink(scalar: ScalarConstraints, start: ScalarWorkspace, q: int) -> float:
-    """Return the kink of a distance from a curve, or between segments, in the prepared state."""
+    """Return the kink of a distance from a box or a curve, or between segments, in the prepared
+    state.
+    """
     own, m = scalar.coordinates, start.coordinates.products.value
     k = own.first[q]
     if own.kind[q] == SEGMENTS:
         return segments.kink(own.ends, q, m, k)
+    if own.kind[q] == RADIUS:
+        return kink_of_box(own, start.coordinates, q)
     return curves.kink(own.curves, q, m[k], m[k + 1])
 
 

@@ -7,9 +7,11 @@ import numpy as np
 from msahl.elements import reactions
 from msahl.elements.beams import instant
 from msahl.formulations.absolute import rigid_body
+from msahl.jit.by_size import by_size
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg.elimination import new_factor
 from msahl.ports import forces
+from msahl.system import evaluate
 from msahl.system.arrays import (
     State,
     System,
@@ -21,6 +23,7 @@ from msahl.system.arrays import (
 )
 from msahl.system.diagnostics import Monitor, new_monitor, record_figures
 from msahl.system.unknowns import Unknowns
+from msahl.system.work_arrays import size_of
 
 
 class Workspace(NamedTuple):
@@ -69,6 +72,12 @@ def new_workspace(
         tables=new_tables(system, state, chunk, accelerations),
         monitor=new_monitor(state, chunk),
     )
+
+
+def prepare(workspace: Workspace) -> None:
+    """Prepare the state, outside the compiled loop."""
+    system = workspace.system
+    by_size(evaluate.prepare, size_of(system))(system, workspace.state, workspace.start)
 
 
 @apart
