@@ -168,7 +168,12 @@ def _close(closure: Closure, parts: Parts, robot: Robot, made: Made) -> None:
     points = plain_vector(here.p), plain_vector(there.p)
     frames = matrix_rows(here.R.T), matrix_rows(there.R.T)
     name = made.names.unique(closure.name)
-    made.joints.append(Joint(name, closure.kind, parent, child, *points, *frames))
+    given = (("pitch", closure.pitch),) if closure.pitch else ()
+    made.joints.append(Joint(name, closure.kind, parent, child, *points, *frames, given))
+    if closure.axis is not None:
+        loose = Start(approximate=True)
+        place = Along(closure.axis, name, closure.axis.coordinate, loose)
+        made.along[closure.axis.name] = place
     for axis in loop_axes(closure.links, robot):
         if axis.name in made.start_of:
             made.start_of[axis.name].approximate = True

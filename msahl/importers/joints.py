@@ -6,7 +6,7 @@ joint are one joint.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -90,9 +90,20 @@ def placed(group: Sequence[Axis], ends: Ends) -> Placed:
     if axis.kind == "planar":
         joint = _joint("planar", ends, axis, axis.point)
         return Placed(joint, Start({"slide1": 0.0, "slide2": 0.0, "angle": 0.0}), {})
+    if axis.kind == "screw":
+        return _screw(axis, ends)
     kind = {"hinge": "revolute", "slide": "prismatic"}[axis.kind]
     joint = _joint(kind, ends, axis, axis.point)
     return Placed(joint, _start([axis], [axis.coordinate]), {axis.name: axis.coordinate})
+
+
+def _screw(axis: Axis, ends: Ends) -> Placed:
+    """Return a screw joint, whose slide follows its angle."""
+    lead = axis.pitch / (2.0 * np.pi)
+    joint = replace(_joint("screw", ends, axis, axis.point), parameters=(("pitch", axis.pitch),))
+    values = {"angle": axis.value, "slide": lead * axis.value}
+    rates = {"angleRate": axis.rate, "slideRate": lead * axis.rate} if axis.rate else {}
+    return Placed(joint, Start(values, rates), {axis.name: "angle"})
 
 
 def _several(group: Sequence[Axis], ends: Ends) -> Placed:
@@ -137,7 +148,7 @@ def _joint(
     pose = ends.pose
     z = unit(_vector(axis.axis))
     there = frame(z, None if reference is None else unit(_vector(reference)))
-    c, s = (np.cos(axis.zero), np.sin(axis.zero)) if axis.kind == "hinge" else (1.0, 0.0)
+    c, s = (np.cos(axis.zero), np.sin(axis.zero)) if axis.kind in ("hinge", "screw") else (1.0, 0.0)
     back = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(there)
     rows = back @ pose.R.T
     here: Matrix = tuple(unit(_vector(row)) for row in rows)  # type: ignore[assignment]
@@ -170,9 +181,10 @@ def motion(axis: Axis) -> Pose:
     """Return where an axis takes its link at t = 0, from the link's pose."""
     if axis.kind == "slide":
         return Pose(np.eye(3), (axis.value - axis.zero) * axis.axis)
-    is_hinge = axis.kind == "hinge"
-    R = about(axis.axis, axis.value - axis.zero) if is_hinge else axis.rotated
-    return Pose(R, axis.point - R @ axis.point)
+    turns = axis.kind in ("hinge", "screw")
+    R = about(axis.axis, axis.value - axis.zero) if turns else axis.rotated
+    advance = axis.pitch * (axis.value - axis.zero) / (2.0 * np.pi)
+    return Pose(R, axis.point - R @ axis.point + advance * axis.axis)
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:
