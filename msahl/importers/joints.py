@@ -54,7 +54,8 @@ def groups(axes: Sequence[Axis]) -> list[list[Axis]]:
     found: list[list[Axis]] = []
     rest = list(axes)
     while rest:
-        size = next((n for n, fits in ((3, _planar), (2, _cylindrical)) if fits(rest[:n])), 1)
+        sizes = ((3, _planar), (2, _cylindrical), (2, _universal))
+        size = next((n for n, fits in sizes if fits(rest[:n])), 1)
         found.append(rest[:size])
         rest = rest[size:]
     return found
@@ -64,12 +65,23 @@ def _planar(axes: Sequence[Axis]) -> bool:
     """Return whether two slides and a hinge make up a planar joint without loads and stops."""
     if [axis.kind for axis in axes] != ["slide", "slide", "hinge"]:
         return False
-    loads = any(
-        a.damping or a.stiffness or a.friction or a.armature or a.limit is not None for a in axes
-    )
     a, b, c = (axis.axis for axis in axes)
-    good = max(abs(a @ b), abs(b @ c), abs(a @ c)) < PARALLEL
-    return good and not loads and not any(axis.driven for axis in axes)
+    return max(abs(a @ b), abs(b @ c), abs(a @ c)) < PARALLEL and not _loaded(axes)
+
+
+def _universal(axes: Sequence[Axis]) -> bool:
+    """Return whether two hinges are those of a universal joint without loads and stops."""
+    if len(axes) != 2 or not axes[0].crosses:
+        return False
+    return abs(axes[0].axis @ axes[1].axis) < PARALLEL and not _loaded(axes)
+
+
+def _loaded(axes: Sequence[Axis]) -> bool:
+    """Return whether a force, a stop or a relation acts along one of the axes."""
+    return any(
+        a.damping or a.stiffness or a.friction or a.armature or a.limit is not None or a.driven
+        for a in axes
+    )
 
 
 def _cylindrical(axes: Sequence[Axis]) -> bool:
@@ -107,7 +119,9 @@ def _screw(axis: Axis, ends: Ends) -> Placed:
 
 
 def _several(group: Sequence[Axis], ends: Ends) -> Placed:
-    """Return a planar or a cylindrical joint."""
+    """Return a planar, a cylindrical or a universal joint."""
+    if group[0].crosses:
+        return _cross(group, ends)
     hinge = next(axis for axis in group if axis.kind == "hinge")
     slides = [axis for axis in group if axis.kind == "slide"]
     shift = -sum(slide.zero * slide.axis for slide in slides)
@@ -125,6 +139,18 @@ def _several(group: Sequence[Axis], ends: Ends) -> Placed:
             values["slide2"] *= sign
     found = {slides[0].name: "slide1", hinge.name: "angle"}
     return Placed(joint, start, found | ({slides[1].name: "slide2"} if sign > 0.0 else {}))
+
+
+def _cross(group: Sequence[Axis], ends: Ends) -> Placed:
+    """Return a universal joint: its angles are zero where the parent's reference is along the
+    child's axis and the child's along the parent's."""
+    a, b = (unit(_vector(axis.axis)) for axis in group)
+    pose, point = ends.pose, group[0].point
+    rows = np.array(frame(a, b)) @ pose.R.T
+    here: Matrix = tuple(unit(_vector(row)) for row in rows)  # type: ignore[assignment]
+    points = _vector(pose.p + pose.R @ point), _vector(point)
+    joint = Joint(ends.name, "universal", ends.parent, ends.child, *points, here, frame(b, a))
+    return Placed(joint, _start(group, ["angle1", "angle2"]), {})
 
 
 def _start(group: Sequence[Axis], names: Sequence[str]) -> Start:

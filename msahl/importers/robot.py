@@ -109,6 +109,8 @@ class Axis:
     upper: float | None = None
     limit: Element | None = None
     pitch: float = 0.0
+    crosses: bool = False
+    """Whether it and the next axis are those of a universal joint."""
     driven: bool = False
     """Whether an actuator or a relation refers to it."""
     placed: Pose | None = None

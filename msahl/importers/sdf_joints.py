@@ -9,7 +9,7 @@ the sign of its coordinate.
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -271,6 +271,7 @@ class _Tree:
             direction = own.R.T @ axis.axis
             axis.axis, axis.point = -direction if is_reversed else direction, point
         link.axes = joint.axes[::-1] if is_reversed else joint.axes
+        link.axes[:1] = [replace(one, crosses=len(joint.axes) == 2) for one in link.axes[:1]]
 
     def _close(self, joint: Connection) -> None:
         """Add a joint that closes a loop."""
@@ -291,7 +292,9 @@ class _Tree:
         only = joint.axes[0] if len(joint.axes) == 1 and kind != "spherical" else None
         loads = [a.damping or a.friction or a.stiffness or a.limit is not None for a in joint.axes]
         if only is None and any(loads):
-            words = "damping, friction, springs and limits of its two axes, because it closes a loop"
+            words = (
+                "damping, friction, springs and limits of its two axes, because it closes a loop"
+            )
             self.log.lost(joint.element, words)
         self.robot.closures.append(
             Closure(joint.name, kind, joint.ends, (poses[0], poses[1]), joint.element, only, pitch)

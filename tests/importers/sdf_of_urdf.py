@@ -40,7 +40,7 @@ def sdf_of(urdf, absolute):
     root = etree.fromstring(urdf)
     joints = {j.find("child").get("link"): j for j in root.iterfind("joint")}
     lines = [f'<sdf version="{"1.5" if absolute else "1.9"}"><model name="{root.get("name")}">']
-    base = next(l.get("name") for l in root.iterfind("link") if l.get("name") not in joints)
+    base = next(name for name in root.xpath("link/@name") if name not in joints)
     places = {}
     for link in root.iterfind("link"):
         lines += link_lines(link, joints.get(link.get("name")), joints, places, absolute)
