@@ -207,8 +207,8 @@ def motion(axis: Axis) -> Pose:
     """Return where an axis takes its link at t = 0, from the link's pose."""
     if axis.kind == "slide":
         return Pose(np.eye(3), (axis.value - axis.zero) * axis.axis)
-    turns = axis.kind in ("hinge", "screw")
-    R = about(axis.axis, axis.value - axis.zero) if turns else axis.rotated
+    rotates = axis.kind in ("hinge", "screw")
+    R = about(axis.axis, axis.value - axis.zero) if rotates else axis.rotated
     advance = axis.pitch * (axis.value - axis.zero) / (2.0 * np.pi)
     return Pose(R, axis.point - R @ axis.point + advance * axis.axis)
 

@@ -157,7 +157,7 @@ class _Reader:
                 self.log.lost(joint.element, "its model is static")
             joints = []
         self.joints += joints
-        read_relations(scope, joints, self.robot, self.log)
+        read_relations(scope, joints, pose, self.robot, self.log)
         for name, link, frame in named_frames(scope, pose, self.log):
             inner = self.poses[link].inverse().after(frame)
             self.robot.links[link].frames.append((name, inner))

@@ -312,18 +312,20 @@ def _axes(direction: np.ndarray) -> np.ndarray:
     return np.array(frame(unit(plain_vector(direction)))).T
 
 
-def read_relations(scope: Scope, joints: list[Connection], robot: Robot, log: Log) -> None:
-    """Read mimic and gearbox joints of a scope, whose axes have their directions in inertial axes
-    still."""
+def read_relations(
+    scope: Scope, joints: list[Connection], outer: Pose, robot: Robot, log: Log
+) -> None:
+    """Read mimic and gearbox joints of a scope that has the pose ``outer``; the axes of its
+    ``joints`` have their directions in inertial axes still."""
     axes = {axis.name: axis for joint in joints for axis in joint.axes}
     for joint in joints:
         for axis, tag in zip(joint.axes, ("axis", "axis2"), strict=False):
             mimic = joint.element.find(f"{tag}/mimic")
-            if mimic is not None and joint.name.startswith(scope.prefix):
+            if mimic is not None:
                 _mimic(mimic, axis, scope, axes, robot, log)
     for element in scope.element.iterfind("joint"):
-        if attribute(element, "type") == GEARBOX:
-            _gearbox(element, scope, joints, robot, log)
+        if attribute(element, "type") == GEARBOX and attribute(element, "name") in scope.frames:
+            _gearbox(element, scope, joints, outer, robot, log)
 
 
 def _mimic(
@@ -342,7 +344,7 @@ def _mimic(
 
 
 def _gearbox(
-    element: Element, scope: Scope, joints: list[Connection], robot: Robot, log: Log
+    element: Element, scope: Scope, joints: list[Connection], outer: Pose, robot: Robot, log: Log
 ) -> None:
     """Read a gearbox: theta_2 = -ratio theta_1, the angles of child and parent from a reference
     body about ``axis2`` and ``axis``; both have a hinge on that body."""
@@ -351,29 +353,28 @@ def _gearbox(
     ratio = value(element, "gearbox_ratio", log, 1.0)
     if None in ends or base is None:
         return
+    name = attribute(element, "name")
+    place = outer.after(pose_in(scope, name, element, log))
+    box = Connection(name, GEARBOX, (str(ends[0]), str(ends[1])), place, element)
     found = []
-    for end, tag in zip(ends, ("axis", "axis2"), strict=True):
+    for end, tag in zip(box.ends, ("axis", "axis2"), strict=True):
         hinge = next((j for j in joints if set(j.ends) == {base, end} and len(j.axes) == 1
                       and j.axes[0].kind == "hinge"), None)  # fmt: skip
         if hinge is None:
             log.lost(element, f"there is no hinge between '{end}' and its reference body")
             return
-        sense = _sense(element.find(tag), hinge, str(end), log)
-        found.append((hinge.axes[0].name, sense))
+        given = element.find(tag)
+        a = place.R[:, 2] if given is None else _direction(given, scope, box, outer, log)
+        # The hinge's angle is that of its child about its own axis.
+        reverses = (a @ hinge.axes[0].axis < 0.0) != (hinge.ends[1] != end)
+        found.append((hinge.axes[0].name, -1.0 if reverses else 1.0))
     (first, s_1), (second, s_2) = found
-    if ratio:
+    if first == second:
+        log.fault(element, "its two links have one hinge; name a third link as reference body")
+    elif ratio:
         robot.relations.append(Relation(first, second, -ratio * s_1 * s_2, 0.0, element))
     else:
         log.lost(element, "its ratio is zero: the joint moves freely instead")
-
-
-def _sense(given: Element | None, hinge: Connection, end: str, log: Log) -> float:
-    """Return 1 if the angle of the link ``end`` about an axis is the hinge's, -1 if its negative.
-    The axis counts in the frame of the hinge."""
-    a = np.array(values(given, "xyz", log, (0.0, 0.0, 1.0)))
-    along = float(hinge.place.R @ a @ hinge.axes[0].axis)
-    sign = -1.0 if along < 0.0 else 1.0
-    return sign if hinge.ends[1] == end else -sign
 
 
 def named_frames(scope: Scope, outer: Pose, log: Log) -> list[tuple[str, str, Pose]]:

@@ -294,6 +294,14 @@ def test_mimic_and_gearbox_are_gears(imported):
     # theta_2 = -3 theta_1, and theta_2 is the negative angle of k.
     assert result["k.angle"] == pytest.approx(3 * result["j.angle"], abs=1e-11)
     assert abs(result["j.angle"][-1]) > 0.05
+    # A hinge whose parent is the link has the negative angle; no axes: z of the joint's frame, that
+    # of the child, which is y of the model here.
+    box = box.replace(axis("0 1 0") + axis("0 -1 0", "", "axis2"), "")
+    rolled = (link("b", "0 1 0 -1.5707963267948966 0 0"),
+              joint("k", "revolute", "b", "world", "<pose relative_to='b'/>" + axis("0 0 1")),
+              joint("g", "gearbox", "a", "b", box))  # fmt: skip
+    result = run(imported(*pendulum(*rolled)))
+    assert result["k.angle"] == pytest.approx(3 * result["j.angle"], abs=1e-11)
 
 
 @pytest.mark.parametrize(
