@@ -1,5 +1,4 @@
-"""Reader of SDF 1.4 to 1.11: models of links and joints, alone or in a ``<world>``, as Gazebo has
-it.
+"""Reader of SDF 1.4 to 1.11: models of links and joints, alone or in a world, as Gazebo has it.
 
 Poses are those of ``msahl.importers.sdf_frames``. A model that no joint connects to the world
 floats, unless it is static. A link without ``<inertial>`` has the mass 1 kg and the moments of

@@ -1,7 +1,7 @@
 """Files of SDF that include others: models in files below the folder of the main one.
 
-``<uri>`` is the name of a file or of a folder with ``model.sdf``, with ``model://`` or without, in
-the folder of the main file, that of the including one, or one that the user gives. Depth, number
+A ``<uri>`` names a file, or a folder with a file model.sdf, with ``model://`` or without, in the
+folder of the main file, that of the including one, or one that the user gives. Depth, number
 and size are bounded.
 """
 
