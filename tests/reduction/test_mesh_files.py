@@ -113,6 +113,21 @@ $EndElements
         reduced(path, ["Root", "Tip"])
 
 
+def test_physical_groups_of_gmsh_4_are_sets(tmp_path):
+    path = tmp_path / "one.msh"
+    path.write_text(
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
+        '$PhysicalNames\n2\n2 1 "Root"\n3 2 "Body"\n$EndPhysicalNames\n'
+        "$Entities\n0 0 1 1\n5 0 0 0 1 1 0 1 1 0\n8 0 0 0 1 1 1 1 2 0\n$EndEntities\n"
+        "$Nodes\n1 4 1 4\n3 8 0 4\n1\n2\n3\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n$EndNodes\n"
+        "$Elements\n2 2 1 2\n2 5 2 1\n1 1 2 3\n3 8 4 1\n2 1 2 3 4\n$EndElements\n"
+    )
+    found, mesh = reduced(path, ["Root", "Tip=4"])
+    assert mesh.elements == {"tetra": 1}
+    place = found.body.interface_places[0] + found.body.centre
+    assert place == pytest.approx([1 / 3, 1 / 3, 0.0])
+
+
 def test_inputs_keep_their_numbers_of_nodes_and_their_sets(tmp_path):
     path = tmp_path / "tet.inp"
     path.write_text(

@@ -95,10 +95,19 @@ def reduce_mesh(files: Files, wishes: Wishes) -> tuple[Reduction, MeshSummary]:
     summary = MeshSummary(
         {kind: len(nodes) for kind, nodes in mesh.elements.items()},
         made.volume,
-        made.errors(found.body, chosen),
+        _errors(made, found.body, chosen),
         tuple(_notes(mesh, material, files.units)),
     )
     return found, summary
+
+
+def _errors(made: MeshModel, body: ReducedBody, wishes: Wishes) -> np.ndarray:
+    """Return the errors of the mesh; nan if the finer mesh cannot be computed, which is no fault
+    of the given one."""
+    try:
+        return made.errors(body, wishes)
+    except ReductionError:
+        return np.full(len(body.eigenvalues), np.nan)
 
 
 def mesh_model(

@@ -27,8 +27,8 @@ a quarter the element becomes singular. Farther ones are nodes of another order.
 LEAST_JACOBIAN = 1e-6
 """Smallest determinant of an element's mapping, by its diameter cubed: flatter elements have
 stiffnesses that round-off destroys."""
-AT_ONCE = 2000
-"""Elements whose matrices are in memory at once: 100 MB of hexahedra with 27 nodes."""
+AT_ONCE = 2**25
+"""Entries of elements' stiffnesses that are in memory at once: 256 MB."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,8 +122,9 @@ def matrices(solid: Solid) -> Matrices:
     K = sparse.csr_array((3 * size, 3 * size))
     M = sparse.csr_array((size, size))
     for block in solid.blocks:
-        for first in range(0, len(block.nodes), AT_ONCE):
-            some = slice(first, first + AT_ONCE)
+        count = AT_ONCE // (3 * block.nodes.shape[1]) ** 2
+        for first in range(0, len(block.nodes), count):
+            some = slice(first, first + count)
             K += _stiffness(block, some, solid.material, 3 * size)
             M += _mass(block, some, solid.material, size)
     rows, components = np.repeat(labels, 3), np.tile(np.arange(3), size)
