@@ -34,7 +34,7 @@ class ImportKeywords(TypedDict, total=False):
 
 
 def import_file(path: "str | PathLike[str]", **options: Unpack[ImportKeywords]) -> ImportedModel:
-    """Return the model of a URDF or MJCF file, and what is not carried over.
+    """Return the model of a URDF, SDF or MJCF file, and what is not carried over.
 
     The ``options`` are those of ``msahl import``: ``base``, ``keep_fixed``, ``repair``, ``pose``
     and ``rates`` (of joints at t = 0, by name), ``key``, ``packages``. Meshes are those below the

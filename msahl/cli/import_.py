@@ -20,7 +20,7 @@ AT = {"pose": "--at", "rates": "--rate"}
 """Options that give numbers of joints by name."""
 
 
-@click.command("import", short_help="Make a deck of a URDF or MJCF file.")
+@click.command("import", short_help="Make a deck of a URDF, SDF or MJCF file.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "-o",
@@ -89,7 +89,7 @@ AT = {"pose": "--at", "rates": "--rate"}
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults.")
 def import_(file: Path, output: str | None, overwrite: bool, quiet: bool, **given: Any) -> None:
-    """Make a deck of FILE, a URDF or MJCF file, and list what is not carried over, by element.
+    """Make a deck of FILE, in URDF, SDF or MJCF, and list what is not carried over, by element.
 
     Example: msahl import robot.urdf -o robot.xml
     """

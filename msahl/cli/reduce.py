@@ -11,13 +11,14 @@ from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
+    from msahl.reduction.mesh.reduce import MeshSummary
     from msahl.reduction.reduce import Reduction, Wishes
 
 FILE = click.Path(path_type=Path)
 UNITS = ("m-kg", "mm-t", "mm-kg", "in-lbf")
 
 
-@click.command("reduce", short_help="Reduce matrices of finite elements to few modes.")
+@click.command("reduce", short_help="Reduce finite elements to few modes.")
 @click.argument("file", type=FILE)
 @click.option(
     "-o",
@@ -33,7 +34,8 @@ UNITS = ("m-kg", "mm-t", "mm-kg", "in-lbf")
     multiple=True,
     metavar="NODE",
     help="Let joints and loads attach to this node, such as 12, Tip=12, or Hub=3,4,10:20 for nodes "
-    "tied to a rigid point; repeat for more (default: the interface that FILE names).",
+    "tied to a rigid point, or Hub=BOLTS for a named set of a mesh; repeat for more (default: the "
+    "interface that FILE names).",
 )
 @click.option(
     "--modes",
@@ -69,6 +71,18 @@ UNITS = ("m-kg", "mm-t", "mm-kg", "in-lbf")
     metavar="FILE",
     help="Take the nodes from this file (default: beside FILE).",
 )
+@click.option(
+    "--material",
+    default="",
+    metavar="TEXT",
+    help="Set the material of a mesh, such as 'E=210e9, nu=0.3, rho=7850', or its file.",
+)
+@click.option(
+    "--section",
+    default="",
+    metavar="TEXT",
+    help="Set the cross-section of a mesh of beams, such as 'radius=0.01', or its file.",
+)
 @quiet_option
 def reduce(
     file: Path,
@@ -81,34 +95,40 @@ def reduce(
     """Reduce the elastic body of FILE to the modes of a floating frame.
 
     FILE is an .npz, the stiffness of an Abaqus or CalculiX job (.mtx, .sti), DMIG cards of Nastran
-    (.pch), or a modal file of MBDyn (.fem). Reports the modes and the error of the reduction.
+    (.pch), a modal file of MBDyn (.fem), or a mesh of solids or beams by Gmsh (.msh), Abaqus
+    (.inp), Nastran (.bdf) or VTK (.vtk, .vtu). Reports the modes and the error of the reduction,
+    and of the mesh.
 
     Example: msahl reduce arm_STIF1.mtx --interface Hub=1:12 --interface 40 --up-to 2000
     """
     target = output or Path(f"{file.stem}_body.npz")
     if target.exists() and (not overwrite or (file.exists() and target.samefile(file))):
         stop(f"{shown_path(target)} exists; choose another file with -o, or --overwrite")
-    found = _reduced(file, interfaces, given)
+    found, mesh = _reduced(file, interfaces, given)
     from msahl.reduction.body import body_bytes
     from msahl.reduction.report import report
 
     if not quiet:
-        echo("\n".join(printable(line) for line in report(found)))
+        echo("\n".join(printable(line) for line in report(found, mesh)))
     with writing(target, "choose another file with -o"):
         target.write_bytes(body_bytes(found.body))
     say(f"{shown_path(target)}: the reduced body")
 
 
-def _reduced(file: Path, interfaces: tuple[str, ...], given: dict[str, Any]) -> "Reduction":
-    """Return the reduced body; faults end the program."""
+def _reduced(
+    file: Path, interfaces: tuple[str, ...], given: dict[str, Any]
+) -> tuple["Reduction", "MeshSummary | None"]:
+    """Return the reduced body, and of a mesh its summary; faults end the program."""
     if given["modes"] is not None and given["frequency"] is not None:
         stop("give --modes or --up-to, not both")
     from msahl.reduction import Files, ReductionError, reduce_file
+    from msahl.reduction.mesh.reduce import is_mesh, reduce_mesh
 
+    names = ("mass", "nodes", "units", "material", "section")
     try:
         wishes = _wishes(interfaces, given)
-        files = Files(file, given["mass"], given["nodes"], str(given["units"]))
-        return reduce_file(files, wishes)
+        files = Files(file, *(given[name] for name in names))
+        return reduce_mesh(files, wishes) if is_mesh(files) else (reduce_file(files, wishes), None)
     except ReductionError as error:
         stop(printable(str(error)))
 

@@ -1,4 +1,4 @@
-"""Import of machines from other programs' files: URDF and MJCF become decks.
+"""Import of machines from other programs' files: URDF, SDF and MJCF become decks.
 
 file -> robot (links, joints; one reader for each format) -> bodies -> records -> text of a deck
 """

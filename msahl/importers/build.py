@@ -18,6 +18,7 @@ from msahl.importers.names import Names
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log
 from msahl.importers.robot import HERE, Axis, Closure, Inertia, Link, Look, Pose, Robot
+from msahl.joints.registry import KINDS
 from msahl.model import Ground, Joint, Marker, Model, RigidBody, Shape, Simulation
 from msahl.model.scheme import AUTO
 
@@ -168,7 +169,14 @@ def _close(closure: Closure, parts: Parts, robot: Robot, made: Made) -> None:
     points = plain_vector(here.p), plain_vector(there.p)
     frames = matrix_rows(here.R.T), matrix_rows(there.R.T)
     name = made.names.unique(closure.name)
-    made.joints.append(Joint(name, closure.kind, parent, child, *points, *frames))
+    given = (("pitch", closure.pitch),) if closure.pitch else ()
+    made.joints.append(Joint(name, closure.kind, parent, child, *points, *frames, given))
+    if KINDS[closure.kind].axes:  # the deck's text has axes and references in place of frames
+        made.starts[name] = Start(approximate=True)
+    if closure.axis is not None:
+        loose = made.starts[name]
+        place = Along(closure.axis, name, closure.axis.coordinate, loose)
+        made.along[closure.axis.name] = place
     for axis in loop_axes(closure.links, robot):
         if axis.name in made.start_of:
             made.start_of[axis.name].approximate = True

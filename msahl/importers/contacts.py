@@ -44,6 +44,7 @@ def omit_unwanted(robot: Robot, options: ImportOptions, log: Log) -> None:
     """Take those stops and contacts out of a robot that are not wanted."""
     words = f"--contacts {options.contacts} omits it:"
     axes = [axis for link in robot.links.values() for axis in link.axes]
+    axes += [closure.axis for closure in robot.closures if closure.axis is not None]
     for axis in axes if options.contacts == NONE else ():
         if axis.limit is not None:
             log.lost(axis.limit, f"{words} the joint moves beyond its limits")

@@ -6,7 +6,7 @@ joint are one joint.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +54,8 @@ def groups(axes: Sequence[Axis]) -> list[list[Axis]]:
     found: list[list[Axis]] = []
     rest = list(axes)
     while rest:
-        size = next((n for n, fits in ((3, _planar), (2, _cylindrical)) if fits(rest[:n])), 1)
+        sizes = ((3, _planar), (2, _cylindrical), (2, _universal))
+        size = next((n for n, fits in sizes if fits(rest[:n])), 1)
         found.append(rest[:size])
         rest = rest[size:]
     return found
@@ -64,12 +65,23 @@ def _planar(axes: Sequence[Axis]) -> bool:
     """Return whether two slides and a hinge make up a planar joint without loads and stops."""
     if [axis.kind for axis in axes] != ["slide", "slide", "hinge"]:
         return False
-    loads = any(
-        a.damping or a.stiffness or a.friction or a.armature or a.limit is not None for a in axes
-    )
     a, b, c = (axis.axis for axis in axes)
-    good = max(abs(a @ b), abs(b @ c), abs(a @ c)) < PARALLEL
-    return good and not loads and not any(axis.driven for axis in axes)
+    return max(abs(a @ b), abs(b @ c), abs(a @ c)) < PARALLEL and not _loaded(axes)
+
+
+def _universal(axes: Sequence[Axis]) -> bool:
+    """Return whether two hinges are those of a universal joint without loads and stops."""
+    if len(axes) != 2 or not axes[0].crosses:
+        return False
+    return abs(axes[0].axis @ axes[1].axis) < PARALLEL and not _loaded(axes)
+
+
+def _loaded(axes: Sequence[Axis]) -> bool:
+    """Return whether a force, a stop or a relation acts along one of the axes."""
+    return any(
+        a.damping or a.stiffness or a.friction or a.armature or a.limit is not None or a.driven
+        for a in axes
+    )
 
 
 def _cylindrical(axes: Sequence[Axis]) -> bool:
@@ -90,13 +102,26 @@ def placed(group: Sequence[Axis], ends: Ends) -> Placed:
     if axis.kind == "planar":
         joint = _joint("planar", ends, axis, axis.point)
         return Placed(joint, Start({"slide1": 0.0, "slide2": 0.0, "angle": 0.0}), {})
+    if axis.kind == "screw":
+        return _screw(axis, ends)
     kind = {"hinge": "revolute", "slide": "prismatic"}[axis.kind]
     joint = _joint(kind, ends, axis, axis.point)
     return Placed(joint, _start([axis], [axis.coordinate]), {axis.name: axis.coordinate})
 
 
+def _screw(axis: Axis, ends: Ends) -> Placed:
+    """Return a screw joint, whose slide follows its angle."""
+    lead = axis.pitch / (2.0 * np.pi)
+    joint = replace(_joint("screw", ends, axis, axis.point), parameters=(("pitch", axis.pitch),))
+    values = {"angle": axis.value, "slide": lead * axis.value}
+    rates = {"angleRate": axis.rate, "slideRate": lead * axis.rate} if axis.rate else {}
+    return Placed(joint, Start(values, rates), {axis.name: "angle"})
+
+
 def _several(group: Sequence[Axis], ends: Ends) -> Placed:
-    """Return a planar or a cylindrical joint."""
+    """Return a planar, a cylindrical or a universal joint."""
+    if group[0].crosses:
+        return _cross(group, ends)
     hinge = next(axis for axis in group if axis.kind == "hinge")
     slides = [axis for axis in group if axis.kind == "slide"]
     shift = -sum(slide.zero * slide.axis for slide in slides)
@@ -114,6 +139,18 @@ def _several(group: Sequence[Axis], ends: Ends) -> Placed:
             values["slide2"] *= sign
     found = {slides[0].name: "slide1", hinge.name: "angle"}
     return Placed(joint, start, found | ({slides[1].name: "slide2"} if sign > 0.0 else {}))
+
+
+def _cross(group: Sequence[Axis], ends: Ends) -> Placed:
+    """Return a universal joint: its angles are zero where the parent's reference is along the
+    child's axis and the child's along the parent's."""
+    a, b = (unit(_vector(axis.axis)) for axis in group)
+    pose, point = ends.pose, group[0].point
+    rows = np.array(frame(a, b)) @ pose.R.T
+    here: Matrix = tuple(unit(_vector(row)) for row in rows)  # type: ignore[assignment]
+    points = _vector(pose.p + pose.R @ point), _vector(point)
+    joint = Joint(ends.name, "universal", ends.parent, ends.child, *points, here, frame(b, a))
+    return Placed(joint, _start(group, ["angle1", "angle2"]), {})
 
 
 def _start(group: Sequence[Axis], names: Sequence[str]) -> Start:
@@ -137,7 +174,7 @@ def _joint(
     pose = ends.pose
     z = unit(_vector(axis.axis))
     there = frame(z, None if reference is None else unit(_vector(reference)))
-    c, s = (np.cos(axis.zero), np.sin(axis.zero)) if axis.kind == "hinge" else (1.0, 0.0)
+    c, s = (np.cos(axis.zero), np.sin(axis.zero)) if axis.kind in ("hinge", "screw") else (1.0, 0.0)
     back = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(there)
     rows = back @ pose.R.T
     here: Matrix = tuple(unit(_vector(row)) for row in rows)  # type: ignore[assignment]
@@ -170,9 +207,10 @@ def motion(axis: Axis) -> Pose:
     """Return where an axis takes its link at t = 0, from the link's pose."""
     if axis.kind == "slide":
         return Pose(np.eye(3), (axis.value - axis.zero) * axis.axis)
-    is_hinge = axis.kind == "hinge"
-    R = about(axis.axis, axis.value - axis.zero) if is_hinge else axis.rotated
-    return Pose(R, axis.point - R @ axis.point)
+    rotates = axis.kind in ("hinge", "screw")
+    R = about(axis.axis, axis.value - axis.zero) if rotates else axis.rotated
+    advance = axis.pitch * (axis.value - axis.zero) / (2.0 * np.pi)
+    return Pose(R, axis.point - R @ axis.point + advance * axis.axis)
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:

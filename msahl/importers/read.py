@@ -20,10 +20,11 @@ from msahl.importers.mjcf_files import FOREIGN_ATTRIBUTES
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, Note
 from msahl.importers.robot import Axis, Robot
+from msahl.importers.sdf import read_sdf
 from msahl.importers.urdf import read_urdf
 from msahl.model import Model
 
-FORMATS = {"robot": "URDF", "mujoco": "MJCF"}
+FORMATS = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 """Formats by the tag of the root."""
 
 
@@ -41,7 +42,7 @@ class Imported:
 def import_file(
     path: str | PathLike[str], options: ImportOptions | None = None, target: Path | None = None
 ) -> Imported:
-    """Return the deck of a URDF or MJCF file, for a file at ``target`` or beside ``path``.
+    """Return the deck of a URDF, SDF or MJCF file, for a file at ``target`` or beside ``path``.
 
     Raises ``DeckError`` with every fault found.
     """
@@ -62,6 +63,8 @@ def _imported(
     meshes = MeshFiles(folders, target.parent, copied)
     if root.tag == "robot":
         robot = read_urdf(root, options, meshes, log)
+    elif root.tag == "sdf":
+        robot = read_sdf(root, path, options, meshes, log)
     else:
         robot = read_mjcf(root, path, options, meshes, log)
     _set_pose(root, robot, options, log)
@@ -91,9 +94,9 @@ def _model(source: Source, root: Element, log: Log) -> Model:
 
 
 def _axes(robot: Robot) -> dict[str, Axis]:
-    """Return the hinges and slides by name."""
+    """Return the hinges, screws and slides by name."""
     axes = (axis for link in robot.links.values() for axis in link.axes)
-    return {axis.name: axis for axis in axes if axis.kind in ("hinge", "slide")}
+    return {axis.name: axis for axis in axes if axis.kind in ("hinge", "screw", "slide")}
 
 
 def _set_pose(root: Element, robot: Robot, options: ImportOptions, log: Log) -> None:

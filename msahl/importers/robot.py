@@ -80,8 +80,9 @@ class Look:
 
 @dataclass
 class Axis:
-    """A joint of a link: hinge, slide, ball, free or planar, along or about ``axis`` (3,) through
-    ``point`` (3,), both in the link's frame.
+    """A joint of a link: hinge, slide, screw, ball, free or planar, along or about ``axis`` (3,)
+    through ``point`` (3,), both in the link's frame; a screw advances by its ``pitch`` [m] in one
+    revolution.
 
     The coordinate has the value ``zero`` where the link has its pose, and ``value`` at t = 0; of a
     ball ``rotated`` (3, 3) is its rotation at t = 0. ``damping`` and ``stiffness`` are those along
@@ -107,6 +108,9 @@ class Axis:
     lower: float | None = None
     upper: float | None = None
     limit: Element | None = None
+    pitch: float = 0.0
+    crosses: bool = False
+    """Whether it and the next axis are those of a universal joint."""
     driven: bool = False
     """Whether an actuator or a relation refers to it."""
     placed: Pose | None = None
@@ -117,8 +121,8 @@ class Axis:
 
     @property
     def coordinate(self) -> str:
-        """The name of the coordinate of a hinge or slide."""
-        return "angle" if self.kind == "hinge" else "slide"
+        """The name of the coordinate of a hinge, screw or slide."""
+        return "slide" if self.kind == "slide" else "angle"
 
 
 @dataclass
@@ -148,14 +152,18 @@ class Relation:
 
 @dataclass
 class Closure:
-    """A joint between two links that closes a loop: ``kind`` spherical or rigid; where the links
-    have their ``poses`` in the joint's frame."""
+    """A joint between two links ("": the ground) that closes a loop: ``kind`` is that of a joint of
+    the deck, whose frame has the ``poses`` in the links where its coordinates are zero. ``axis`` is
+    that of a joint with one coordinate, with its forces and stops; ``pitch`` [m] that of a
+    screw."""
 
     name: str
     kind: str
     links: tuple[str, str]
     poses: tuple[Pose, Pose]
     element: Element
+    axis: Axis | None = None
+    pitch: float = 0.0
 
 
 @dataclass

@@ -35,6 +35,8 @@ LARGEST_STEP = 0.6
 """Largest change of an angle [rad], or of a slide by the size of the model, in an iteration."""
 INDEPENDENT = 1e-9
 """Singular value, relative to the largest, below which an equation counts as redundant."""
+INFLUENCE = 1e-14
+"""Velocities by unit rates [m/s, rad/s] up to this are round-off, in models of a hundred metres."""
 CLOSED = 1e-10
 """Constraint violation, relative to the size of the model, that counts as closed. Iterations go on
 until round-off ends them."""
@@ -277,7 +279,9 @@ class Linkage:
         if not given.size:
             return np.zeros(len(chosen)), 0.0, ""
         rates = np.zeros(len(chosen))
-        if np.isfinite(G).all() and np.isfinite(given).all():
+        # What is round-off alone determines no rate: all that matter are given.
+        matters = np.abs(G).max(initial=0.0) > INFLUENCE
+        if matters and np.isfinite(G).all() and np.isfinite(given).all():
             rates = np.linalg.lstsq(G, -given, rcond=INDEPENDENT)[0]
         left = np.abs(G @ rates + given)
         worst = int(np.argmax(left))

@@ -22,12 +22,15 @@ from msahl.reduction.units import SI, in_si
 @dataclass(frozen=True, slots=True)
 class Files:
     """The files of an elastic model: of the stiffness, or of all; of mass and nodes if they are
-    elsewhere (None: beside it, by their names), and the units of the numbers."""
+    elsewhere (None: beside it, by their names), and the units of the numbers. Of a mesh, the
+    material and the section of its beams."""
 
     model: Path
     mass: Path | None = None
     nodes: Path | None = None
     units: str = SI
+    material: str = ""
+    section: str = ""
 
 
 def read_model(files: Files) -> ElasticModel | ModalModel:

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from msahl.reduction.body import ReducedBody
+from msahl.reduction.mesh.reduce import MeshSummary
 from msahl.reduction.reduce import Reduction
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -12,10 +14,14 @@ MOST_SHOWN = 40
 """Modes that the table has."""
 
 
-def report(found: Reduction) -> Iterator[str]:
-    """Yield the lines of the report."""
+def report(found: Reduction, mesh: MeshSummary | None = None) -> Iterator[str]:
+    """Yield the lines of the report; of a mesh, with its volume and errors."""
     body, inertia = found.body, found.body.invariants
     yield f"{found.nodes} nodes, {found.equations} degrees of freedom, {inertia.mass:.9g} kg"
+    if mesh is not None:
+        elements = ", ".join(f"{count} {kind}" for kind, count in mesh.elements.items())
+        yield f"elements: {elements}; volume {mesh.volume:.9g} m^3"
+        yield from mesh.notes
     centre = ", ".join(f"{x:.6g}" for x in body.centre)
     moments = ", ".join(f"{x:.6g}" for x in np.linalg.eigvalsh(inertia.inertia))
     yield f"mass centre {centre} m, principal moments of inertia {moments} kg-m^2"
@@ -23,13 +29,23 @@ def report(found: Reduction) -> Iterator[str]:
     yield ""
     yield from _basis(found)
     yield ""
-    yield "mode  frequency [Hz]  too high by"
+    yield from _table(body, None if mesh is None else mesh.errors)
+
+
+def _table(body: ReducedBody, mesh: np.ndarray | None) -> Iterator[str]:
+    """Yield the frequencies, with the errors of the reduction and of a mesh."""
+    yield "mode  frequency [Hz]  too high by" + (
+        "" if mesh is None else "  and by the mesh, compared with half the element size"
+    )
     rows = zip(body.frequencies, body.frequency_errors, strict=True)
     for k, (frequency, error) in enumerate(rows, 1):
         if k > MOST_SHOWN:
             yield f"   and {len(body.frequencies) - MOST_SHOWN} more"
             break
-        yield f"{k:4d}  {frequency:14.9g}  {_error(error)}"
+        shown = _error(error)
+        if mesh is not None and math.isfinite(error):
+            shown = f"{shown:11s}  {_error(mesh[k - 1])}"
+        yield f"{k:4d}  {frequency:14.9g}  {shown}"
 
 
 def _interfaces(found: Reduction) -> Iterator[str]:

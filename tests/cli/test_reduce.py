@@ -9,6 +9,7 @@ from msahl.cli.reduce import UNITS
 from msahl.reduction import read_body
 from msahl.reduction.units import UNITS as KNOWN_UNITS
 from tests.support.elastic_files import write_beam
+from tests.support.models import ROOT
 
 
 @pytest.fixture
@@ -40,6 +41,25 @@ def test_a_body_is_written_and_reported(call, tmp_path):
     assert read_body(tmp_path / "beam_body.npz").frame == "1"
 
 
+def test_a_mesh_is_reduced_with_its_volume_and_the_error_of_the_mesh(call, tmp_path):
+    pytest.importorskip("skfem")
+    pytest.importorskip("meshio")
+    words = (ROOT / "examples" / "link.inp", "--interface", "Root=ROOT", "--interface", "Tip=TIP")
+    result = call(*words, "--material", "E=210e9, nu=0.3, rho=7850", "--modes", 6)
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    # 0.3 m x 0.02 m x 0.03 m
+    assert lines[0] == "127 nodes, 381 degrees of freedom, 1.413 kg"
+    assert lines[1] == "elements: 12 hexahedron20; volume 0.00018 m^3"
+    page = (ROOT / "docs" / "reduce.md").read_text()
+    first = next(line for line in lines if line.startswith("   1 "))
+    assert first[:22] in page  # eight digits: the last is round-off's
+    assert read_body(tmp_path / "link_body.npz").interface_names.tolist() == ["Root", "Tip"]
+    result = call(*words, "-o", "other.npz")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "link.inp: it is a mesh; give its material: --material 'E=" in result.stderr
+
+
 def test_the_file_itself_is_never_overwritten(call, tmp_path):
     before = (tmp_path / "beam.npz").read_bytes()
     result = call("beam.npz", "--interface", 1, "-o", "beam.npz", "--overwrite")
@@ -51,7 +71,7 @@ def test_the_file_itself_is_never_overwritten(call, tmp_path):
     ("words", "message"),
     [
         (("--interface", "1", "--modes", "3", "--up-to", "9"), "give --modes or --up-to, not both"),
-        (("--interface", "x\n"), "--interface x: expected a node such as 12"),
+        (("--interface", "9x\n"), "--interface 9x: expected a node such as 12"),
         (("--interface", "99"), "beam.npz: there is no node 99"),
         ((), "no interface is chosen; name the nodes"),
         (("--interface", "1", "--frame", "Tip"), "--frame Tip: expected mean or an interface: 1"),

@@ -12,9 +12,11 @@ from msahl.deck import DeckError
 from msahl.importers import ImportOptions, import_file
 from tests.importers.mutants import mutant
 from tests.importers.oracle import FILES
+from tests.support.models import ROOT
 
 SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
 NUMBER = 60
+FILES_AND_SDF = [*FILES, ROOT / "examples" / "four_bar.sdf"]
 
 
 def outcome(path):
@@ -34,7 +36,7 @@ def outcome(path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+@pytest.mark.parametrize("file", FILES_AND_SDF, ids=lambda file: file.name)
 def test_mutants_become_decks_or_messages(file, tmp_path):
     data, number = file.read_bytes(), 0
     first = int(time.time()) if SECONDS else 0

@@ -236,3 +236,11 @@ def test_the_pose_places_the_bodies():
     for body in found.bodies:
         if body.name in ("upper arm", "forearm", "left finger"):
             assert body.position == pytest.approx(placed.places[body.name].x, abs=1e-14)
+
+
+def test_a_rate_that_is_not_given_is_zero_beside_coupled_joints_whose_rates_are():
+    # Left and right are coupled, and both have rates: nothing follows for the shoulder, but by
+    # round-off of the coupling's equation.
+    found = import_file(ARM, ImportOptions(rates={"left": 0.01}, pose={"elbow": 0.4}))
+    upper = next(body for body in found.source.model().bodies if body.name == "upper arm")
+    assert upper.angular_velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-15)

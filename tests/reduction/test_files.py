@@ -310,7 +310,8 @@ def test_interfaces_that_do_not_hold_the_body(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x", "expected a node"),
+        ("9x", "expected a node"),
+        ("my set", "expected a node"),
         ("Hub=", "expected a node"),
         ("1,2", "a set of nodes has a name, as in Hub=1,2"),
         ("Hub=5:3", "a range begins with its lower number"),
@@ -320,6 +321,11 @@ def test_interfaces_that_do_not_hold_the_body(tmp_path):
 def test_texts_of_interfaces(text, message):
     with pytest.raises(ReductionError, match=message):
         interface_of(text)
+
+
+def test_matrices_have_no_named_sets(parts):
+    with pytest.raises(ReductionError, match="'BOLTS' is no number of a node; only meshes have"):
+        reduce_model(build_model("beam", *parts), Wishes((interface_of("Hub=BOLTS,3"),)))
 
 
 BYTES = b"0123456789-+.,eE* \n$%xX\xff\x00"
