@@ -1,6 +1,6 @@
 """Reduction of an elastic model to a body with a floating frame, and of a file's."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def reduce_model(given: ElasticModel | ModalModel, wishes: Wishes) -> Reduction:
     basis, interior = craig_bampton(model, outer, wishes.modes)
     modes = floating_modes(basis, _frame_node(parts, wishes.frame))
     errors = reduction_errors(modes, interior)
-    body = _body(modes, errors, parts, wishes.frame)
+    body = _body(modes, errors, parts, wishes.frame, given)
     normal = len(interior.modes.eigenvalues)
     return Reduction(
         given.source, body, len(given.labels), given.size, len(outer), normal, modes.resistance
@@ -90,7 +90,7 @@ def _of_modes(given: ModalModel, wishes: Wishes) -> Reduction:
     modes = floating_modes(basis, _frame_node(parts, wishes.frame))
     unknown = np.full(len(modes.eigenvalues), np.nan)
     errors = ReductionErrors(unknown, float("nan"), float("nan"), np.full(6, np.nan))
-    body = _body(modes, errors, parts, wishes.frame)
+    body = _body(modes, errors, parts, wishes.frame, model)
     count = basis.shapes.shape[1]
     return Reduction(
         model.source, body, len(model.labels), model.size, 0, count, modes.resistance
@@ -148,7 +148,22 @@ def _node_shapes(modes: FloatingModes, parts: Tied) -> np.ndarray:
     return spread
 
 
-def _body(modes: FloatingModes, errors: ReductionErrors, parts: Tied, frame: str) -> ReducedBody:
+def _at_all_nodes(modes: FloatingModes, spread: np.ndarray, given: ElasticModel) -> FloatingModes:
+    """Return the modes of the model before sets of nodes were tied, which kept its nodes in their
+    places: by the rotations of its own nodes each of them turns with the frame as it does."""
+    return replace(
+        modes,
+        model=given,
+        shapes=spread[given.owners, given.components],
+        rigid=rigid_fields(given, modes.centre),
+    )
+
+
+def _body(
+    modes: FloatingModes, errors: ReductionErrors, parts: Tied, frame: str, given: ElasticModel
+) -> ReducedBody:
+    """Return the body of the modes of the model that the ``parts`` tie, which is the ``given`` one
+    if nothing is tied."""
     model = modes.model
     q = len(modes.eigenvalues)
     spread = _node_shapes(modes, parts)
@@ -171,5 +186,5 @@ def _body(modes: FloatingModes, errors: ReductionErrors, parts: Tied, frame: str
         following_frequency=errors.following,
         effective_mass=errors.effective_mass,
         static_residual=errors.statics,
-        invariants=invariants(modes),
+        invariants=invariants(_at_all_nodes(modes, spread, given)),
     )
