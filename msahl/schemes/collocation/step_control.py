@@ -62,6 +62,7 @@ from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.collocation.tree import stages as tree_stages
+from msahl.schemes.collocation.tree import step as tree_step
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
@@ -71,14 +72,15 @@ from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST = range(7)
-WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, STATES = range(7, 14)
+WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, SHORTER, EASED, STATES = range(7, 16)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
 or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
 which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
 after one that was refused [s]; size at which the last accepted pair would have had its share of the
-tolerance [s]; from here on the largest sizes of the auxiliary states."""
+tolerance [s]; how many pairs in succession may be refused because a step in joint coordinates did
+not converge; pairs accepted since the last one that was refused; from here on the largest sizes of the auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -87,6 +89,10 @@ SEARCHES = 12
 MISLED = 0.25
 """Factor of the size of the next pair after one whose event is not where pairs are taken up to it:
 the motion comes nearer to a level than the dense output of a pair of that size is accurate."""
+SHORTENED = 2.0
+"""Most pairs that are refused in succession because a step in joint coordinates did not converge:
+Newton's method in absolute coordinates would solve it, but takes longer than four steps that are
+half or a quarter as long."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -98,7 +104,7 @@ revolution relative to each other, as is needed to count full revolutions of the
 SAFETY, SHRINK, GROW, SEARCH = 0.9, 0.2, 2.0, 10.0
 """Factor of (1), and the limits of one change of the size: least, largest from pair to pair, and
 largest while a first size is sought."""
-TREND = 0.5
+TREND = 0.75
 """Least factor of the size because it should have become smaller over the last pair, as it will
 over the next."""
 LENT = 5.0
@@ -106,8 +112,13 @@ LENT = 5.0
 shares are aimed at."""
 UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
 """Size of the next pair after one that was not solved, and largest one of those after it, as
-fractions; how much the largest grows by pair after one was refused: pairs of that size would
-probably be refused again."""
+fractions; how much the largest grows by the first pair after one was refused: pairs of that size
+would probably be refused again. By the k-th pair it grows by the k-th power of that: what the
+refused one met may be over, as a vibration that has faded."""
+ASYMPTOTIC = math.log(4.0)
+"""Logarithm of the size at which errors are as large as bodies, over that from which on they
+decrease by the order of the method. Larger steps of two pendulums, a four-bar, a slider-crank and a
+squeezer have errors that vary by powers of ten from size to size."""
 ROUND_OFF = 4e-16
 """Fraction of positions and lengths that is rounding error: no smaller step reduces it."""
 TOO_SMALL = 1e-12
@@ -125,7 +136,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (13 + n,) see above
+    figures: np.ndarray  # (15 + n,) see above
     counts: np.ndarray  # (4,)
     event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
@@ -150,7 +161,7 @@ def new_step_control(
     figures = np.zeros(STATES + state.auxiliary.size)
     figures[STOP] = figures[CEILING] = figures[FIT] = math.inf
     figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
-    figures[SHARE] = settings.tolerance / settings.t_final
+    figures[SHARE], figures[SHORTER] = settings.tolerance / settings.t_final, SHORTENED
     return StepControl(
         figures=figures,
         counts=np.zeros(4, dtype=np.int64),
@@ -248,10 +259,14 @@ def try_pair(
     if not math.isfinite(error):
         refuse_unsolved(subsystem, control, detector, t, h, commit)
         return False
+    quickest = tree_stages.quick_size(subsystem.tree)
     good = choose_next_size(subsystem, control, order, h, error, round_off, commit)
     if good and commit:
         restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
+        figures[NEXT] = min(figures[NEXT], quickest)
+        if tree_stages.comes_first(subsystem.tree):
+            figures[SHORTER] = min(SHORTENED, figures[SHORTER] + 1.0)
         tree_stages.save_forms(subsystem.tree, row)
         keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
@@ -276,6 +291,7 @@ def refuse_unsolved(
     unless switches give way.
     """
     restore_start(subsystem, control)
+    control.figures[SHORTER] = max(0.0, control.figures[SHORTER] - 1.0)
     newton.reset_prediction(subsystem)
     if not (commit and gives_way(detector, t) > 0.0):
         control.figures[NEXT] = control.figures[BEST] = UNSOLVED * h
@@ -317,7 +333,20 @@ def local_error(
         error, round_off = error + rest, round_off + more
         rest, more = work_difference(subsystem, control, row, round_off)
         error, round_off = error + rest, round_off + more
-    return error / (2.0**order - 1.0), round_off
+    return error / (2.0 ** convergence(subsystem, order, error) - 1.0), round_off
+
+
+@kernel
+def convergence(subsystem: CollocationWorkspace, order: int, error: float) -> float:
+    """Order by which the ``error`` [m] of the long step decreases at half its size: that of the
+    method where it is a quarter, or less, of the size that would have an error of the length of a
+    body, and half of it where it is that size.
+    """
+    length = largest_body(subsystem)
+    if not 0.0 < error < length:
+        return 0.5 * order
+    shorter = math.log(length / error) / (order + 1.0)  # logarithm of that size over this one
+    return order * min(1.0, max(0.5, shorter / ASYMPTOTIC))
 
 
 @kernel
@@ -371,7 +400,7 @@ def count_refused(control: StepControl, ceiling: float, commit: bool) -> None:
     """
     if commit:
         control.counts[REFUSED] += 1
-        control.figures[CEILING] = ceiling
+        control.figures[CEILING], control.figures[EASED] = ceiling, 0.0
 
 
 @kernel
@@ -384,7 +413,8 @@ def accept_pair(control: StepControl, row: int, h: float, error: float) -> None:
     figures[LARGEST] = max(figures[LARGEST], error)
     figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
     figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
-    figures[CEILING] *= RECOVERY
+    figures[EASED] += 1.0
+    figures[CEILING] *= RECOVERY ** figures[EASED]
     control.sizes[row] = control.sizes[row + 1] = 0.5 * h
     control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
 
@@ -551,7 +581,7 @@ def take_halves(
     """Take a pair of steps of size ``h``/2 and save their ends; return whether both were solved."""
     workspace, stages = subsystem.workspace, subsystem.stages
     for half in range(2):
-        if not newton.take_step(subsystem, 0.5 * h):
+        if not take_step(subsystem, control, 0.5 * h):
             return False
         record_figures(
             workspace.system,
@@ -573,11 +603,22 @@ def take_halves(
 
 
 @kernel
+def take_step(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
+    """Take a step of size ``h``, only in joint coordinates where a shorter pair may be taken; return
+    whether it was solved.
+    """
+    if control.figures[SHORTER] > 0.0 and tree_stages.comes_first(subsystem.tree):
+        given = subsystem.tree, subsystem.workspace, subsystem.stages, subsystem.outcome
+        return tree_step.take_step(*given, h)
+    return newton.take_step(subsystem, h)
+
+
+@kernel
 def take_long_step(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
     """Take a step of size ``h`` from the start of the pair; return whether it was solved."""
     restore_start(subsystem, control)
     join_halves(subsystem, control.start.time[0], h)
-    if not newton.take_step(subsystem, h):
+    if not take_step(subsystem, control, h):
         return False
     if control.checks_rows:
         save_middle(subsystem, control, h)

@@ -38,6 +38,12 @@ MIXED = 8.0
 did not converge."""
 
 
+QUICK, SLOWEST = 0.35, 0.5
+"""Contraction at which steps take the least work: it is proportional to the size h, so a step takes
+iterations as 1/log(1/h), and their number per second is smallest where the contraction is 1/e.
+Smallest factor of the size to get there."""
+
+
 class LoadNode(NamedTuple):
     """What the loads at one node need of its motion: no joints, no constraint equations."""
 
@@ -68,16 +74,20 @@ class TreeStages(NamedTuple):
 
 
 def new_tree_stages(
-    tree: Tree, cut: Cut | None, workspace: Workspace, tableau: Tableau
+    tree: Tree,
+    cut: Cut | None,
+    workspace: Workspace,
+    tableau: Tableau,
+    like: TreeStages | None = None,
 ) -> TreeStages:
     """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes, with the equations
-    of a ``cut`` where loops are closed.
+    of a ``cut`` where loops are closed; see ``new_stage_arrays`` for ``like``.
     """
     system, chunk = workspace.system, workspace.monitor.rows.shape[0]
-    c, motion = tableau.force_time, new_motion(tree)
+    c, motion = tableau.force_time, new_motion(tree) if like is None else like.motion
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
-    load_node = _new_load_node(system, workspace.state)
+    load_node = _new_load_node(system, workspace.state) if like is None else like.node
     return TreeStages(
         tree=tree,
         motion=motion,
@@ -131,6 +141,22 @@ def save_forms(tree: TreeStages, step: int) -> None:
     """Save in which form both halves of a pair were solved, whose first is the ``step``."""
     for half in range(2):
         tree.forms[step + half] = tree.half_form[half]
+
+
+@optional(False)
+def comes_first(tree: TreeStages) -> bool:
+    """Whether the next step is tried in this form."""
+    return tree.figures[ABSOLUTE] == 0.0 and tree.figures[RESTING] == 0.0
+
+
+@optional(math.inf)
+def quick_size(tree: TreeStages) -> float:
+    """Size [s] of steps in this form that take the least work per second, by the contraction of the
+    last one; inf if it was not of this form.
+    """
+    if tree.figures[FROM_TREE] == 0.0:
+        return math.inf
+    return float(tree.figures[SIZE] * max(SLOWEST, QUICK / tree.figures[CONTRACTION]))
 
 
 @optional(False)
