@@ -89,10 +89,10 @@ SEARCHES = 12
 MISLED = 0.25
 """Factor of the size of the next pair after one whose event is not where pairs are taken up to it:
 the motion comes nearer to a level than the dense output of a pair of that size is accurate."""
-SHORTENED = 2.0
+SHORTENED = 3.0
 """Most pairs that are refused in succession because a step in joint coordinates did not converge:
-Newton's method in absolute coordinates would solve it, but takes longer than four steps that are
-half or a quarter as long."""
+Newton's method in absolute coordinates would solve it, but takes longer than the steps that are half,
+a quarter or an eighth as long."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -111,8 +111,8 @@ LENT = 5.0
 """Largest error of a pair over its share. Those before have used a part of theirs only, as 0.9^p
 shares are aimed at."""
 UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
-"""Size of the next pair after one that was not solved, and largest one of those after it, as
-fractions; how much the largest grows by the first pair after one was refused: pairs of that size
+"""Size of the next pair after one that was not solved, the square of that while a first size is
+sought, and largest one of those after it, as fractions; how much the largest grows by the first pair after one was refused: pairs of that size
 would probably be refused again. By the k-th pair it grows by the k-th power of that: what the
 refused one met may be over, as a vibration that has faded."""
 ASYMPTOTIC = math.log(4.0)
@@ -291,10 +291,13 @@ def refuse_unsolved(
     unless switches give way.
     """
     restore_start(subsystem, control)
-    control.figures[SHORTER] = max(0.0, control.figures[SHORTER] - 1.0)
+    figures, size = control.figures, UNSOLVED * h if commit else UNSOLVED**2 * h
+    if commit:
+        figures[SHORTER] = max(0.0, figures[SHORTER] - 1.0)
     newton.reset_prediction(subsystem)
+    tree_stages.forget_halves(subsystem.tree)
     if not (commit and gives_way(detector, t) > 0.0):
-        control.figures[NEXT] = control.figures[BEST] = UNSOLVED * h
+        figures[NEXT] = figures[BEST] = size
         count_refused(control, SOLVED * h, commit)
 
 

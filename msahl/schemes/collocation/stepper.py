@@ -40,9 +40,10 @@ _take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
 
-FIRST_REVIEW, LONGEST_PAUSE = 64, 256
-"""Accepted pairs until the degree is reviewed: first, and at most; the number doubles each time, so
-that reviews take a few per cent of the work."""
+FIRST_REVIEW, FIRST_IN_TREE, LONGEST_PAUSE = 16, 128, 128
+"""Accepted pairs until the degree is reviewed: first, first in joint coordinates, where steps of all
+degrees take about as long, and at most; the number doubles each time, so that reviews take a few per
+cent of the work."""
 SHORTER = 0.25
 """Size of the next pair, over that of the last, in which the end of a slip was not found."""
 TRIES = 3
@@ -57,6 +58,9 @@ LEAST_IN_TREE = 2
 """Least degree that a tolerance chooses in joint coordinates, where that of 1 takes as long."""
 
 
+FIRST_TURN = 0.3
+"""Rotation of a body [rad], or displacement over its length, in the first pair tried, if that is
+longer than the given step: pairs that meet a tolerance of 1e-6 m rotate bodies by about so much."""
 LOOSE = 1e-4
 """Tolerance, over the length of the longest body, above which steps begin with degree 3; else with
 degree 4. At 1e-3, 1e-6 and 1e-9 m these two take the least work for most of nine mechanisms."""
@@ -284,7 +288,8 @@ class AdaptiveStepper:
         self.control = method.storage.place("control", control)
         self.sizes: dict[int, float] = {}
         self.chosen: list[dict[str, Any]] = []
-        self.review, self.pause = FIRST_REVIEW, 2 * FIRST_REVIEW
+        self.review = FIRST_REVIEW if method.tree is None else FIRST_IN_TREE
+        self.pause = min(2 * self.review, LONGEST_PAUSE)
 
     @property
     def kind(self) -> str:
@@ -459,7 +464,8 @@ class AdaptiveStepper:
     def _begin(self) -> None:
         """Find the size of the first pair; its degree is that of the tolerance."""
         degree = self.method.degree
-        self.sizes[degree] = float(self.control.figures[step_control.NEXT])
+        given = float(self.control.figures[step_control.NEXT])
+        self.sizes[degree] = max(given, time_to_turn(self.workspace, FIRST_TURN))
         self._choose(degree, {degree: self._work_rate(degree, degree, math.inf)})
 
     def _review_degree(self) -> None:
@@ -502,6 +508,19 @@ class AdaptiveStepper:
                 break
         self.sizes[degree] = size
         return rate
+
+
+def time_to_turn(workspace: Workspace, angle: float) -> float:
+    """Time [s] in which a body turns by an ``angle`` [rad], or moves by so many of its lengths, at
+    the present speeds and accelerations; 0 where nothing moves.
+    """
+    state, length = workspace.state, workspace.system.frames.length[:, None]
+    speed, acceleration = (
+        float(np.linalg.norm(np.concatenate([rate / length, turn]), axis=1).max())
+        for rate, turn in ((state.v, state.w), (state.a, state.alpha))
+    )
+    root = math.sqrt(speed**2 + 2.0 * acceleration * angle)
+    return 2.0 * angle / (speed + root) if root > 0.0 else 0.0
 
 
 def work_of(degree: int, iterations: float, factorisations: float) -> float:

@@ -193,6 +193,12 @@ def save_half(tree: TreeStages, half: int) -> None:
 
 
 @optional()
+def forget_halves(tree: TreeStages) -> None:
+    """Forget the forms of both halves of a pair that was not solved."""
+    tree.half_form[0] = tree.half_form[1] = tree.figures[FROM_TREE]
+
+
+@optional()
 def follow_half(tree: TreeStages) -> None:
     """Let the next prediction follow the second half."""
     tree.figures[FROM_TREE] = tree.half_form[1]
