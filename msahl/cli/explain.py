@@ -11,7 +11,6 @@ from msahl.cli.options import DECK, click_option, set_option
 from msahl.run.options import OPTIONS
 from msahl.terminal import echo
 
-
 SCHEME = click_option(next(option for option in OPTIONS if option.name == "scheme"))
 
 

@@ -5,9 +5,10 @@ of the pair, from the same state. It is solved after them, predicted by their po
 takes one or two iterations. Of a method of order p the difference gives the local error of the
 pair,
 
-    e = |pair - long step| / (2^p - 1)                                                  [m]
+    e = |pair - long step| / (2^p' - 1)                                                 [m]
 
     |.|    the largest of all bodies: displacement plus body length times rotation
+    p'     p, or less where steps are too long to have their order (``convergence``)
     h      size of the pair [s]
     tol    tolerance [m], T the duration of the run [s]
 
@@ -80,7 +81,8 @@ or an event at which the present pair ends at the latest [s]; largest kinetic en
 which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
 after one that was refused [s]; size at which the last accepted pair would have had its share of the
 tolerance [s]; how many pairs in succession may be refused because a step in joint coordinates did
-not converge; pairs accepted since the last one that was refused; from here on the largest sizes of the auxiliary states."""
+not converge; pairs accepted since the last one that was refused; from here on the largest sizes of
+the auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -91,8 +93,8 @@ MISLED = 0.25
 the motion comes nearer to a level than the dense output of a pair of that size is accurate."""
 SHORTENED = 3.0
 """Most pairs that are refused in succession because a step in joint coordinates did not converge:
-Newton's method in absolute coordinates would solve it, but takes longer than the steps that are half,
-a quarter or an eighth as long."""
+Newton's method in absolute coordinates would solve it, but takes longer than the steps that are a
+half, a quarter or an eighth as long."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -112,9 +114,10 @@ LENT = 5.0
 shares are aimed at."""
 UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
 """Size of the next pair after one that was not solved, the square of that while a first size is
-sought, and largest one of those after it, as fractions; how much the largest grows by the first pair after one was refused: pairs of that size
-would probably be refused again. By the k-th pair it grows by the k-th power of that: what the
-refused one met may be over, as a vibration that has faded."""
+sought, and largest one of those after it, as fractions; how much the largest grows by the first
+pair after one was refused: pairs of that size would probably be refused again. By the k-th pair it
+grows by the k-th power of that: what the refused one met may be over, as a vibration that has
+faded."""
 ASYMPTOTIC = math.log(4.0)
 """Logarithm of the size at which errors are as large as bodies, over that from which on they
 decrease by the order of the method. Larger steps of two pendulums, a four-bar, a slider-crank and a
@@ -343,7 +346,7 @@ def local_error(
 def convergence(subsystem: CollocationWorkspace, order: int, error: float) -> float:
     """Order by which the ``error`` [m] of the long step decreases at half its size: that of the
     method where it is a quarter, or less, of the size that would have an error of the length of a
-    body, and half of it where it is that size.
+    body, and half of it where it is a half or more.
     """
     length = largest_body(subsystem)
     if not 0.0 < error < length:
@@ -607,8 +610,8 @@ def take_halves(
 
 @kernel
 def take_step(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
-    """Take a step of size ``h``, only in joint coordinates where a shorter pair may be taken; return
-    whether it was solved.
+    """Take a step of size ``h``, only in joint coordinates where a shorter pair may be taken;
+    return whether it was solved.
     """
     if control.figures[SHORTER] > 0.0 and tree_stages.comes_first(subsystem.tree):
         given = subsystem.tree, subsystem.workspace, subsystem.stages, subsystem.outcome

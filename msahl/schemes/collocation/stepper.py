@@ -19,7 +19,13 @@ from msahl.formulations.tree.table import Tree
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage, doubles_in
 from msahl.model.scheme import COLLOCATION
-from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event, varied_steps
+from msahl.schemes.collocation import (
+    dense_output,
+    newton,
+    step_control,
+    steps_to_event,
+    varied_steps,
+)
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.tree.stages import ITERATIONS, SLOPES, STEPS, TreeStages
@@ -41,9 +47,9 @@ _take_pairs = compiled(step_control.take_pairs)
 NO_ROWS = np.zeros(0, dtype=np.int64)
 
 FIRST_REVIEW, FIRST_IN_TREE, LONGEST_PAUSE = 16, 128, 128
-"""Accepted pairs until the degree is reviewed: first, first in joint coordinates, where steps of all
-degrees take about as long, and at most; the number doubles each time, so that reviews take a few per
-cent of the work."""
+"""Accepted pairs until the degree is reviewed: first, first in joint coordinates, where steps of
+all degrees take about as long, and at most; the number doubles each time, so that reviews take a
+few per cent of the work."""
 SHORTER = 0.25
 """Size of the next pair, over that of the last, in which the end of a slip was not found."""
 TRIES = 3

@@ -29,8 +29,8 @@ _record_step = compiled(record_step)
 NO_ROWS = np.zeros(0, dtype=np.int64)
 MOST_DIVISIONS = 64
 """Most divisions of one step and its parts: all of it to steps of a 64th, or a place in it to the
-shortest ones. A step that needs more is unstable, and so are all those after it, of which each would
-be divided a thousand times before the motion leaves the range of the shortest."""
+shortest ones. A step that needs more is unstable, and so are those after it, of which each would be
+divided a thousand times until the motion leaves the range of the shortest."""
 
 
 class ExplicitMethod:
