@@ -73,7 +73,7 @@ from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST = range(7)
-WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, SHORTER, EASED, STATES = range(7, 16)
+WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, SHORTER, EASED, ROOM, STATES = range(7, 17)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
@@ -81,8 +81,8 @@ or an event at which the present pair ends at the latest [s]; largest kinetic en
 which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
 after one that was refused [s]; size at which the last accepted pair would have had its share of the
 tolerance [s]; how many pairs in succession may be refused because a step in joint coordinates did
-not converge; pairs accepted since the last one that was refused; from here on the largest sizes of
-the auxiliary states."""
+not converge; pairs accepted since the last one that was refused; size that the last good pair could
+have had by its error [s]; from here on the largest sizes of the auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -95,6 +95,10 @@ SHORTENED = 3.0
 """Most pairs that are refused in succession because a step in joint coordinates did not converge:
 Newton's method in absolute coordinates would solve it, but takes longer than the steps that are a
 half, a quarter or an eighth as long."""
+WORTH = 4.0
+"""Size that errors allow, over that of a pair that does not converge in joint coordinates, from
+which on absolute ones take less time: steps there take ten times as long as others, and at rest they
+may be as long as the run."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -139,7 +143,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (15 + n,) see above
+    figures: np.ndarray  # (16 + n,) see above
     counts: np.ndarray  # (4,)
     event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
@@ -262,12 +266,10 @@ def try_pair(
     if not math.isfinite(error):
         refuse_unsolved(subsystem, control, detector, t, h, commit)
         return False
-    quickest = tree_stages.quick_size(subsystem.tree)
     good = choose_next_size(subsystem, control, order, h, error, round_off, commit)
     if good and commit:
         restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
-        figures[NEXT] = min(figures[NEXT], quickest)
         if tree_stages.comes_first(subsystem.tree):
             figures[SHORTER] = min(SHORTENED, figures[SHORTER] + 1.0)
         tree_stages.save_forms(subsystem.tree, row)
@@ -369,14 +371,17 @@ def choose_next_size(
     figures = control.figures
     share = figures[SHARE] * h
     most = GROW if commit else SEARCH
-    growth = most
+    growth, room = most, math.inf
     if error > round_off:
-        growth = min(most, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
+        room = SAFETY * (share / error) ** (1.0 / order)
+        growth = min(most, max(SHRINK, room))
     good = error <= max(allowed_error(control), share, round_off)
     speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
     if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
         good, growth = False, MAX_ROTATION / (h * speed)
     figures[BEST] = growth * h
+    if good:
+        figures[ROOM] = room * h
     if good and commit:
         fit = growth * h / SAFETY
         growth *= min(1.0, max(TREND, fit / figures[FIT]))
@@ -587,7 +592,7 @@ def take_halves(
     """Take a pair of steps of size ``h``/2 and save their ends; return whether both were solved."""
     workspace, stages = subsystem.workspace, subsystem.stages
     for half in range(2):
-        if not take_step(subsystem, control, 0.5 * h):
+        if not take_step(subsystem, control, 0.5 * h, h):
             return False
         record_figures(
             workspace.system,
@@ -609,11 +614,13 @@ def take_halves(
 
 
 @kernel
-def take_step(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
-    """Take a step of size ``h``, only in joint coordinates where a shorter pair may be taken;
-    return whether it was solved.
+def take_step(subsystem: CollocationWorkspace, control: StepControl, h: float, pair: float) -> bool:
+    """Take a step of size ``h``, only in joint coordinates where a shorter ``pair`` [s] than this
+    one is to be taken; return whether it was solved.
     """
-    if control.figures[SHORTER] > 0.0 and tree_stages.comes_first(subsystem.tree):
+    figures = control.figures
+    shorter = figures[SHORTER] > 0.0 and figures[ROOM] < WORTH * pair
+    if shorter and tree_stages.comes_first(subsystem.tree):
         given = subsystem.tree, subsystem.workspace, subsystem.stages, subsystem.outcome
         return tree_step.take_step(*given, h)
     return newton.take_step(subsystem, h)
@@ -624,7 +631,7 @@ def take_long_step(subsystem: CollocationWorkspace, control: StepControl, h: flo
     """Take a step of size ``h`` from the start of the pair; return whether it was solved."""
     restore_start(subsystem, control)
     join_halves(subsystem, control.start.time[0], h)
-    if not take_step(subsystem, control, h):
+    if not take_step(subsystem, control, h, h):
         return False
     if control.checks_rows:
         save_middle(subsystem, control, h)

@@ -217,7 +217,8 @@ def test_degrees_share_what_does_not_depend_on_them():
     """Steps of degree 3 are the same to the bit after steps of degree 4 were taken."""
 
     def steps_of(degrees):
-        one = SubsystemIntegrator(deck("double_pendulum_89"), "newton", full=False, chunk=8)
+        model = adaptive(deck("double_pendulum_89"), None, "gauss")
+        one = SubsystemIntegrator(model, "newton", full=False, chunk=8)
         tree = (one.formulation.tree, one.formulation.cut)
         method = CollocationMethod(one.workspace, "gauss", degrees[0], Span(1.0, 0.0), None, tree)
         for degree in degrees:

@@ -38,12 +38,6 @@ MIXED = 8.0
 did not converge."""
 
 
-QUICK, SLOWEST = 0.35, 0.5
-"""Contraction at which steps take the least work: it is proportional to the size h, so a step takes
-iterations as 1/log(1/h), and their number per second is smallest where the contraction is 1/e.
-Smallest factor of the size to get there."""
-
-
 class LoadNode(NamedTuple):
     """What the loads at one node need of its motion: no joints, no constraint equations."""
 
@@ -147,16 +141,6 @@ def save_forms(tree: TreeStages, step: int) -> None:
 def comes_first(tree: TreeStages) -> bool:
     """Whether the next step is tried in this form."""
     return tree.figures[ABSOLUTE] == 0.0 and tree.figures[RESTING] == 0.0
-
-
-@optional(math.inf)
-def quick_size(tree: TreeStages) -> float:
-    """Size [s] of steps in this form that take the least work per second, by the contraction of the
-    last one; inf if it was not of this form.
-    """
-    if tree.figures[FROM_TREE] == 0.0:
-        return math.inf
-    return float(tree.figures[SIZE] * max(SLOWEST, QUICK / tree.figures[CONTRACTION]))
 
 
 @optional(False)
