@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from msahl.analysis.gradients.neighbouring_runs import RunModel
 from msahl.analysis.gradients.parameter_neighbours import DeckNumbers
 from msahl.analysis.gradients.start import NotDifferentiable
-from msahl.analysis.gradients.step_sequence import StepRecord, merged, of_rows
+from msahl.analysis.gradients.step_sequence import StepRecord, halved, merged, of_rows, undivided
 from msahl.analysis.gradients.tables import TableGradients, TangentModel
 from msahl.api.derivatives import GradientError, Gradients
 from msahl.api.result import Result
@@ -166,6 +167,22 @@ _JUMPS = (
     "derivatives of what comes later are wrong. Give the jump a width, as with tanh(x/w)"
 )
 
+_AT_EVENTS = (
+    "at t = {} s an impact or event is at the output time, before it or after it by the "
+    "parameters: there are no derivatives"
+)
+
+
+def _differentiable(request: Request) -> TangentModel | RunModel:
+    """Return the model with what is near it: where constraints change, or steps are explicit, by
+    complete runs.
+    """
+    job, deck = request.deck.job, request.deck
+    model, settings, numbers = job.model, job.settings, request.numbers.items()
+    if model.contacts or model.events or model.switched or settings.explicit:
+        return RunModel(model, settings, [deck.nearby(*of) for of in numbers])
+    return TangentModel(model, settings, [deck.neighbours(*of) for of in numbers])
+
 
 class _Work:
     """Derivatives along the steps of a run, and along pairs of them."""
@@ -175,8 +192,7 @@ class _Work:
     ) -> None:
         self.request, self.record, self.values, self.free = request, record, values, free
         job, self.times = request.deck.job, np.array(record.times)
-        neighbours = [request.deck.neighbours(*of) for of in request.numbers.items()]
-        self.model = TangentModel(job.model, job.settings, neighbours)
+        self.model = _differentiable(request)
         self.needed = [
             rows_needed(measure, self.times, value) if math.isfinite(value) else range(0)
             for measure, value in zip(request.measures, values, strict=True)
@@ -190,6 +206,8 @@ class _Work:
         """Return the derivatives with their errors."""
         self.remarks = remarks
         steps = of_rows(self.record.steps, self._all_rows(self.needed))
+        if self.by_runs:
+            steps = undivided(steps)
         fine = self._along(steps)
         self._judge(fine)
         jacobian = self._jacobian(fine, self.needed, True)
@@ -204,14 +222,27 @@ class _Work:
             tuple(self.remarks),
         )
 
+    @property
+    def by_runs(self) -> bool:
+        """Whether derivatives are those of complete runs."""
+        return isinstance(self.model, RunModel)
+
     def _all_rows(self, needed: Sequence[range]) -> set[int]:
         return {row for rows in needed for row in rows}
 
-    def _along(self, steps: Sequence[Any]) -> tuple[TableGradients, dict[int, int]]:
-        """Return the gradients along ``steps`` and the place of each row in them."""
+    def _along(
+        self, steps: Sequence[Any], halved: bool = False
+    ) -> tuple[TableGradients, dict[int, int]]:
+        """Return the gradients along ``steps``, which may be ``halved`` ones, and the place of each
+        row in them.
+        """
         rows = sorted({row for step in steps for row in step.rows} | self._start())
         times = {row: float(self.times[row]) for row in rows}
-        gradients = self.model.along(steps, times, self.request.tables, self.free)
+        given = steps, times, self.request.tables, self.free
+        if isinstance(self.model, RunModel):
+            gradients = self.model.along(*given, halved)
+        else:
+            gradients = self.model.along(*given)
         return gradients, {row: i for i, row in enumerate(rows)}
 
     def _start(self) -> set[int]:
@@ -281,27 +312,35 @@ class _Work:
         jacobian: np.ndarray,
     ) -> np.ndarray:
         """Return the estimated errors (m, n): by Richardson's extrapolation from steps of twice the
-        size, with the measures of those rows that both have; nan if no errors are wanted.
+        size, or of half of it where complete runs are compared, with the measures of those rows
+        that both have; nan if no errors are wanted.
         """
         if not len(self.values) or self.model.settings.error == OFF:
             return np.full_like(jacobian, math.nan)
+        size = "half" if self.by_runs else "twice"
         try:
-            coarse = self._along(merged(steps))
+            other = self._along(halved(steps), True) if self.by_runs else self._along(merged(steps))
         except NotDifferentiable:
             self.remarks.append(
-                "the errors are not known: steps of twice the size cannot be solved"
+                f"the errors are not known: steps of {size} the size cannot be solved"
             )
             return np.full_like(jacobian, math.nan)
-        shared = [[row for row in rows if row in coarse[1]] for rows in self.needed]
-        difference = self._jacobian(fine, shared, False) - self._jacobian(coarse, shared, False)
+        shared = [[row for row in rows if row in other[1]] for rows in self.needed]
+        difference = self._jacobian(fine, shared, False) - self._jacobian(other, shared, False)
         settings, degree = self.model.settings, min(step.degree for step in steps)
-        order = COLLOCATION[settings.family].order(degree) if degree else settings.order
-        errors: np.ndarray = SAFETY * np.abs(difference) / (2.0**order - 1.0)
+        known = settings.family in COLLOCATION and degree
+        order = COLLOCATION[settings.family].order(degree) if known else settings.order
+        # Of halves nearly all of the difference is the error, whatever the order comes to at kinks.
+        share = 1.0 - 0.5**order if self.by_runs else 2.0**order - 1.0
+        errors: np.ndarray = SAFETY * np.abs(difference) / share
         return errors
 
     def _judge(self, fine: tuple[TableGradients, dict[int, int]]) -> None:
         """Add what the growth of the derivatives and the corrections left say."""
         found, t = fine[0], float(self.times[-1])
+        if found.at_events.size:
+            shown = ", ".join(f"{t:g}" for t in found.at_events[:3])
+            self.remarks.append(_AT_EVENTS.format(shown))
         if found.jumped < math.inf:
             self.remarks.append(_JUMPS.format(found.jumped, found.jumping or "a signal"))
         for j, name in enumerate(self.request.numbers):

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from msahl.analysis.equilibria.begin import beginning
+from msahl.analysis.gradients.neighbouring_runs import Nearby
 from msahl.analysis.gradients.start import NotDifferentiable
 from msahl.analysis.gradients.tables import Neighbours
 from msahl.deck import DeckError, ParsedDeck
@@ -72,6 +73,20 @@ class DeckNumbers:
 
             return Neighbours(models, abs(number.value), wider)
         raise NotDifferentiable(f"the deck allows no values near {number.value:g}: {refused}")
+
+    def nearby(self, name: str, number: FoundNumber) -> Nearby:
+        """Return the models with any values near that of the ``number`` with this ``name``."""
+
+        def at(shift: float) -> Model:
+            try:
+                return self._model(name, number, number.value + shift)
+            except (DeckError, OptionError, StartError) as error:
+                refused = str(error).split("\n", 1)[0]
+                raise NotDifferentiable(
+                    f"the deck allows no values near {number.value:g}: {refused}"
+                ) from error
+
+        return Nearby(number.value, at)
 
     def moved(self, numbers: Mapping[str, FoundNumber]) -> "DeckNumbers":
         """Return the numbers of the deck with each of these ``numbers`` changed by its last digit,

@@ -11,7 +11,6 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.analysis.gradients.arrays import blocks_of, constants, flat, places_in_state
-from msahl.analysis.no_contacts import without_contacts
 from msahl.model import Model, RunSettings
 from msahl.run.setup import STORAGES
 from msahl.run.subsystem import SubsystemIntegrator
@@ -23,15 +22,6 @@ ROUND_OFF = 2e-15
 """Change of a number relative to it that is no change."""
 NEGLIGIBLE = 1e-12
 """Number that does not limit the shifts of differences."""
-CONTACTS = (
-    "the model has contacts ({}), and derivatives are not followed through impacts, touches and "
-    "releases, whose times change with every number; compare runs with neighbouring numbers "
-    "instead (msahl sweep)"
-)
-EXPLICIT_STEPS = (
-    "steps of {} are explicit, in joint coordinates, and have no derivatives; choose gauss, radau "
-    "or a scheme of order 2"
-)
 SMALL = 1e-2
 """Fraction of the largest number of its kind that any one counts as: it may be a rounding error."""
 
@@ -75,16 +65,8 @@ class DifferentiatedIntegrator(SubsystemIntegrator):
 
 
 def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
-    """Return the subsystems of a model at t = 0, as a run has them, each with its first row. Raises
-    ``NotDifferentiable`` for a model with contacts or events.
-    """
-    if model.contacts:
-        raise NotDifferentiable(CONTACTS.format(model.contacts[0].name))
-    if reason := without_contacts(model):
-        raise NotDifferentiable(reason)
+    """Return the subsystems of a model at t = 0, as a run has them, each with its first row."""
     settings = shape.settings
-    if settings.explicit:
-        raise NotDifferentiable(EXPLICIT_STEPS.format(settings.scheme))
     together = shape.full or settings.adaptive
     parts: list[SubsystemIntegrator] = [
         DifferentiatedIntegrator(

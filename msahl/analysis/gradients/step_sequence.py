@@ -100,3 +100,40 @@ def _merged(first: Step, second: Step) -> Step:
         kept = [k for k, share in enumerate(shares) if share == 1.0]
         rows, shares = tuple(rows[k] for k in kept), tuple(shares[k] for k in kept)
     return Step(first.size + second.size, first.degree, rows, shares, second.is_part, MERGED)
+
+
+def undivided(steps: Sequence[Step]) -> list[Step]:
+    """Return the steps with all parts of each that is divided as one step again."""
+    found: list[Step] = []
+    parts: list[Step] = []
+    for step in steps:
+        parts.append(step)
+        if not step.is_part:
+            found.append(_joined(parts))
+            parts = []
+    return found + parts
+
+
+def _joined(parts: Sequence[Step]) -> Step:
+    if len(parts) == 1:
+        return parts[0]
+    ends = np.cumsum([part.size for part in parts])
+    rows = tuple(row for part in parts for row in part.rows)
+    shares = tuple(
+        float((end - part.size * (1.0 - share)) / ends[-1])
+        for part, end in zip(parts, ends, strict=True)
+        for share in part.shares
+    )
+    return Step(float(ends[-1]), parts[0].degree, rows, shares)
+
+
+def halved(steps: Sequence[Step]) -> list[Step]:
+    """Return the two halves of each step."""
+    found = []
+    for step in steps:
+        for half in range(2):
+            kept = [k for k, share in enumerate(step.shares) if (share > 0.5) == bool(half)]
+            rows = tuple(step.rows[k] for k in kept)
+            shares = tuple(2.0 * step.shares[k] - half for k in kept)
+            found.append(Step(0.5 * step.size, step.degree, rows, shares))
+    return found

@@ -62,7 +62,9 @@ class TableGradients:
     change of a position, over the longest length of a frame, or of an orientation [rad]; ``left``
     (n,) the largest relative correction that was left in a step; ``not_unique`` the columns of
     reactions that redundant joints leave undetermined; ``jumped`` the time [s] until which the
-    derivatives follow the jumps of expressions, ``jumping`` what has the one that jumps then.
+    derivatives follow the jumps of expressions, ``jumping`` what has the one that jumps then;
+    ``at_events`` (k,) output times [s] that an event does not leave on one side of it, whose
+    derivatives are nan.
     """
 
     rows: dict[str, np.ndarray] = field(default_factory=dict)
@@ -73,6 +75,7 @@ class TableGradients:
     not_unique: frozenset[str] = frozenset()
     jumped: float = np.inf
     jumping: str = ""
+    at_events: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 @record(slots=False)

@@ -81,8 +81,9 @@ or an event at which the present pair ends at the latest [s]; largest kinetic en
 which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
 after one that was refused [s]; size at which the last accepted pair would have had its share of the
 tolerance [s]; how many pairs in succession may be refused because a step in joint coordinates did
-not converge; pairs accepted since the last one that was refused; size that the last good pair could
-have had by its error [s]; from here on the largest sizes of the auxiliary states."""
+not converge; pairs accepted since the last one that was refused by its error; size that the last
+good pair could have had by its error [s]; from here on the largest sizes of the auxiliary
+states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -97,8 +98,8 @@ Newton's method in absolute coordinates would solve it, but takes longer than th
 half, a quarter or an eighth as long."""
 WORTH = 4.0
 """Size that errors allow, over that of a pair that does not converge in joint coordinates, from
-which on absolute ones take less time: steps there take ten times as long as others, and at rest they
-may be as long as the run."""
+which on absolute ones take less time: steps there take ten times as long as others, and at rest
+they may be as long as the run."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -120,8 +121,8 @@ UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
 """Size of the next pair after one that was not solved, the square of that while a first size is
 sought, and largest one of those after it, as fractions; how much the largest grows by the first
 pair after one was refused: pairs of that size would probably be refused again. By the k-th pair it
-grows by the k-th power of that: what the refused one met may be over, as a vibration that has
-faded."""
+grows by the k-th power of that where errors were the reason: what the refused one met may be over,
+as a vibration that has faded."""
 ASYMPTOTIC = math.log(4.0)
 """Logarithm of the size at which errors are as large as bodies, over that from which on they
 decrease by the order of the method. Larger steps of two pendulums, a four-bar, a slider-crank and a
@@ -279,7 +280,7 @@ def try_pair(
         return True
     # The next pair is predicted by the long step.
     restore_start(subsystem, control)
-    count_refused(control, SAFETY * h, commit)
+    count_refused(control, SAFETY * h, 0.0, commit)
     return good
 
 
@@ -303,7 +304,7 @@ def refuse_unsolved(
     tree_stages.forget_halves(subsystem.tree)
     if not (commit and gives_way(detector, t) > 0.0):
         figures[NEXT] = figures[BEST] = size
-        count_refused(control, SOLVED * h, commit)
+        count_refused(control, SOLVED * h, -math.inf, commit)
 
 
 @kernel
@@ -405,13 +406,13 @@ def allowed_error(control: StepControl) -> float:
 
 
 @kernel
-def count_refused(control: StepControl, ceiling: float, commit: bool) -> None:
+def count_refused(control: StepControl, ceiling: float, eased: float, commit: bool) -> None:
     """Count a pair that was refused, if it was not only tried, and let those after it grow slowly
-    beyond the size ``ceiling``.
+    beyond the size ``ceiling``, as after so many pairs that ``eased`` the growth.
     """
     if commit:
         control.counts[REFUSED] += 1
-        control.figures[CEILING], control.figures[EASED] = ceiling, 0.0
+        control.figures[CEILING], control.figures[EASED] = ceiling, eased
 
 
 @kernel
@@ -425,7 +426,7 @@ def accept_pair(control: StepControl, row: int, h: float, error: float) -> None:
     figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
     figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
     figures[EASED] += 1.0
-    figures[CEILING] *= RECOVERY ** figures[EASED]
+    figures[CEILING] *= RECOVERY ** max(1.0, figures[EASED])
     control.sizes[row] = control.sizes[row + 1] = 0.5 * h
     control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
 
