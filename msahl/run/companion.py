@@ -237,14 +237,14 @@ def first_rows(integrator: SubsystemIntegrator, count: int) -> Rows:
     return Rows(tables.states[:count], tables.reactions[:count], tables.signals[:count])
 
 
-def with_given_steps(model: Model, settings: RunSettings, degree: int) -> Model:
-    """The same model without step-size control, of the ``degree`` that steps begin with; 0 for
-    schemes without one.
+def with_given_steps(model: Model, settings: RunSettings, degree: int = 0) -> Model:
+    """The same model without step-size control, of the ``degree`` that steps begin with, or of its
+    own.
     """
     simulation = replace(
         model.simulation,
         scheme=settings.family,
-        degree=degree if settings.family in COLLOCATION else model.simulation.degree,
+        degree=degree if degree and settings.family in COLLOCATION else model.simulation.degree,
         tolerance=None,
         local_tolerance=None,
     )

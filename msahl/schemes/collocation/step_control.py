@@ -73,7 +73,7 @@ from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST = range(7)
-WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, SHORTER, EASED, ROOM, STATES = range(7, 17)
+WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, SHORTER, EASED, POSSIBLE, STATES = range(7, 17)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
@@ -372,17 +372,17 @@ def choose_next_size(
     figures = control.figures
     share = figures[SHARE] * h
     most = GROW if commit else SEARCH
-    growth, room = most, math.inf
+    growth, possible = most, math.inf
     if error > round_off:
-        room = SAFETY * (share / error) ** (1.0 / order)
-        growth = min(most, max(SHRINK, room))
+        possible = SAFETY * (share / error) ** (1.0 / order)
+        growth = min(most, max(SHRINK, possible))
     good = error <= max(allowed_error(control), share, round_off)
     speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
     if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
         good, growth = False, MAX_ROTATION / (h * speed)
     figures[BEST] = growth * h
     if good:
-        figures[ROOM] = room * h
+        figures[POSSIBLE] = possible * h
     if good and commit:
         fit = growth * h / SAFETY
         growth *= min(1.0, max(TREND, fit / figures[FIT]))
@@ -620,7 +620,7 @@ def take_step(subsystem: CollocationWorkspace, control: StepControl, h: float, p
     one is to be taken; return whether it was solved.
     """
     figures = control.figures
-    shorter = figures[SHORTER] > 0.0 and figures[ROOM] < WORTH * pair
+    shorter = figures[SHORTER] > 0.0 and figures[POSSIBLE] < WORTH * pair
     if shorter and tree_stages.comes_first(subsystem.tree):
         given = subsystem.tree, subsystem.workspace, subsystem.stages, subsystem.outcome
         return tree_step.take_step(*given, h)

@@ -64,7 +64,7 @@ LEAST_IN_TREE = 2
 """Least degree that a tolerance chooses in joint coordinates, where that of 1 takes as long."""
 
 
-FIRST_TURN = 0.3
+FIRST_ROTATION = 0.3
 """Rotation of a body [rad], or displacement over its length, in the first pair tried, if that is
 longer than the given step: pairs that meet a tolerance of 1e-6 m rotate bodies by about so much."""
 LOOSE = 1e-4
@@ -471,7 +471,7 @@ class AdaptiveStepper:
         """Find the size of the first pair; its degree is that of the tolerance."""
         degree = self.method.degree
         given = float(self.control.figures[step_control.NEXT])
-        self.sizes[degree] = max(given, time_to_turn(self.workspace, FIRST_TURN))
+        self.sizes[degree] = max(given, time_to_rotate(self.workspace, FIRST_ROTATION))
         self._choose(degree, {degree: self._work_rate(degree, degree, math.inf)})
 
     def _review_degree(self) -> None:
@@ -516,14 +516,14 @@ class AdaptiveStepper:
         return rate
 
 
-def time_to_turn(workspace: Workspace, angle: float) -> float:
-    """Time [s] in which a body turns by an ``angle`` [rad], or moves by so many of its lengths, at
+def time_to_rotate(workspace: Workspace, angle: float) -> float:
+    """Time [s] in which a body rotates by an ``angle`` [rad], or moves by so many of its lengths, at
     the present speeds and accelerations; 0 where nothing moves.
     """
     state, length = workspace.state, workspace.system.frames.length[:, None]
     speed, acceleration = (
-        float(np.linalg.norm(np.concatenate([rate / length, turn]), axis=1).max())
-        for rate, turn in ((state.v, state.w), (state.a, state.alpha))
+        float(np.linalg.norm(np.concatenate([rate / length, rotation]), axis=1).max())
+        for rate, rotation in ((state.v, state.w), (state.a, state.alpha))
     )
     root = math.sqrt(speed**2 + 2.0 * acceleration * angle)
     return 2.0 * angle / (speed + root) if root > 0.0 else 0.0
