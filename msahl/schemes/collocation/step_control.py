@@ -271,8 +271,7 @@ def try_pair(
     if good and commit:
         restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
-        if tree_stages.comes_first(subsystem.tree):
-            figures[SHORTER] = min(SHORTENED, figures[SHORTER] + 1.0)
+        allow_shorter(subsystem, figures)
         tree_stages.save_forms(subsystem.tree, row)
         keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
@@ -282,6 +281,13 @@ def try_pair(
     restore_start(subsystem, control)
     count_refused(control, SAFETY * h, 0.0, commit)
     return good
+
+
+@kernel
+def allow_shorter(subsystem: CollocationWorkspace, figures: np.ndarray) -> None:
+    """After an accepted pair, allow one refusal more if the next is tried in joint coordinates."""
+    if tree_stages.comes_first(subsystem.tree):
+        figures[SHORTER] = min(SHORTENED, figures[SHORTER] + 1.0)
 
 
 @kernel

@@ -517,8 +517,8 @@ class AdaptiveStepper:
 
 
 def time_to_rotate(workspace: Workspace, angle: float) -> float:
-    """Time [s] in which a body rotates by an ``angle`` [rad], or moves by so many of its lengths, at
-    the present speeds and accelerations; 0 where nothing moves.
+    """Time [s] in which a body rotates by an ``angle`` [rad], or moves by so many of its lengths,
+    at the present speeds and accelerations; 0 where nothing moves.
     """
     state, length = workspace.state, workspace.system.frames.length[:, None]
     speed, acceleration = (
