@@ -353,8 +353,7 @@ def _new_stepper(
     if formulation.tree is not None:
         degrees = tuple(degree for degree in degrees if degree <= LANES)
     length, degree = float(workspace.system.frames.length[:-1].max()), settings.degree
-    if tolerance is not None:
-        degree = first_degree(degrees, tolerance / length)
+    degree = degree if tolerance is None else first_degree(degrees, tolerance / length)
 
     def new_collocation(own: Workspace) -> CollocationMethod:
         place = (span, Storage(), None, given) if changes else rest
