@@ -118,7 +118,7 @@ MUTANTS = (
            "compose(at(end.p, b), inverse(at(begin.p, b)))",
            "compose(inverse(at(begin.p, b)), at(end.p, b))", (SHORT, DENSE)),
     Mutant("step control: Richardson's divisor",
-           "error / (2.0**order - 1.0)", "error / (4.0**order - 1.0)", (CONTROL,)),
+           "error / (2.0 ** convergence", "error / (4.0 ** convergence", (CONTROL,)),
     Mutant("step control: exponent of the step size",
            "(share / error) ** (1.0 / order)", "(error / share) ** (1.0 / order)",
            (SHORT, CONTROL)),

@@ -4,6 +4,7 @@ A companion either takes every step in two halves, or uses a scheme of higher or
 the step size, or repeats the rows of an earlier, more accurate run.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
@@ -11,6 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from msahl.model import Model, RunSettings
+from msahl.model.scheme import COLLOCATION
 from msahl.run.subsystem import CompanionIntegrator, SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import UNDIVIDED, Chunk, Parts
@@ -100,7 +102,7 @@ class HalfStepCompanion:
         kind = SubsystemIntegrator if settings.adaptive else CompanionIntegrator
         self.integrators: list[SubsystemIntegrator] = [
             kind(
-                with_given_steps(integrator.model, settings),
+                with_given_steps(integrator.model, settings, integrator.stepper.method.degree),
                 integrator.solver,
                 settings.full,
                 2 * chunk,
@@ -111,6 +113,7 @@ class HalfStepCompanion:
         ]
         for integrator in self.integrators:
             integrator.stepper.halves_parts = True
+            integrator.stepper.vary_sizes(settings.adaptive)
         self.factor = SAFETY / (1.0 - 0.5**settings.order)
 
     def follow(
@@ -234,10 +237,16 @@ def first_rows(integrator: SubsystemIntegrator, count: int) -> Rows:
     return Rows(tables.states[:count], tables.reactions[:count], tables.signals[:count])
 
 
-def with_given_steps(model: Model, settings: RunSettings) -> Model:
-    """The same model without step-size control."""
+def with_given_steps(model: Model, settings: RunSettings, degree: int = 0) -> Model:
+    """The same model without step-size control, of the ``degree`` that steps begin with, or of its
+    own.
+    """
     simulation = replace(
-        model.simulation, scheme=settings.family, tolerance=None, local_tolerance=None
+        model.simulation,
+        scheme=settings.family,
+        degree=degree if degree and settings.family in COLLOCATION else model.simulation.degree,
+        tolerance=None,
+        local_tolerance=None,
     )
     return replace(model, simulation=simulation)
 
@@ -256,10 +265,12 @@ def _with_scheme(model: Model, coarser: CoarserScheme) -> Model:
 
 def advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: OutputSchedule) -> bool:
     """Take steps of these ``sizes``; whether all were solved."""
-    first = 0
-    for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:
-        chunk = Chunk(int(last), first, float(sizes[first]), schedule=schedule)
+    ends = [*(np.flatnonzero(np.diff(sizes)) + 1).tolist(), len(sizes)]
+    first = integrator.stepper.take_varied(sizes, 0, schedule)
+    while first < len(sizes):
+        last = ends[bisect_right(ends, first)]
+        chunk = Chunk(last, first, float(sizes[first]), schedule=schedule)
         if integrator.advance(chunk).steps < last:
             return False
-        first = int(last)
+        first = integrator.stepper.take_varied(sizes, last, schedule)
     return True

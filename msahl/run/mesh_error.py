@@ -53,7 +53,7 @@ class MeshError:
         first = integrators[0]
         self.integrators = [
             SubsystemIntegrator(
-                with_given_steps(subsystem, settings),
+                with_given_steps(subsystem, settings, first.stepper.method.degree),
                 first.solver,
                 settings.full,
                 chunk,
@@ -64,6 +64,7 @@ class MeshError:
         mine, other = (_places(group) for group in (integrators, self.integrators))
         self.pairs = [(mine[place], other[place]) for place in mine if place in other]
         for integrator in self.integrators:
+            integrator.stepper.vary_sizes(settings.adaptive)
             integrator.show_start()
 
     def begin(self, integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:

@@ -47,9 +47,10 @@ def step_failed(
     settings = resolve(integrator.model.simulation)
     if np.isinf(outcome.residual) and settings.explicit:
         return (
-            f"steps of {settings.scheme} from t = {t:g} s, down to {smallest:.3g} s, end beyond "
-            "the range of a step. Explicit schemes are unstable where springs or dampers are "
-            "stiff: choose --scheme gauss3 or radau3, or try a smaller --dt."
+            f"step {step} of {settings.scheme} from t = {t:g} s is unstable: it and most parts of "
+            f"it, down to {smallest:.3g} s, end beyond the range of a step. Explicit schemes are "
+            "unstable where springs or dampers are stiff: take a smaller --dt, or an implicit "
+            "scheme such as --scheme gauss3 or radau3."
         )
     if np.isinf(outcome.residual):
         return (

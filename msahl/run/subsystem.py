@@ -346,14 +346,14 @@ def _new_stepper(
             contacts.method if contacts else new_midpoint(workspace), solver, contacts
         )
     from msahl.schemes.collocation.step_control import ControlSettings
-    from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
+    from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod, first_degree
 
     tolerance, degrees, tree = settings.local_tolerance, settings.degrees, formulation.tree
     rest = span, storage, None if tree is None else (tree, formulation.cut)
     if formulation.tree is not None:
         degrees = tuple(degree for degree in degrees if degree <= LANES)
-    # The first review begins in the middle of the degrees.
-    degree = settings.degree if tolerance is None else degrees[len(degrees) // 2]
+    length, degree = float(workspace.system.frames.length[:-1].max()), settings.degree
+    degree = degree if tolerance is None else first_degree(degrees, tolerance / length)
 
     def new_collocation(own: Workspace) -> CollocationMethod:
         place = (span, Storage(), None, given) if changes else rest

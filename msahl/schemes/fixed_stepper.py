@@ -56,6 +56,8 @@ class StepMethod(Protocol):
 
     workspace: Workspace
     degree: int  # of the polynomials; 0 for the schemes of order 2
+    varies: bool  # whether ``take_varied`` will be called
+    most_divisions: float  # of one step and its parts
     detection: "Detection | None"  # None if the system has no margins
 
     @property
@@ -100,6 +102,9 @@ class StepMethod(Protocol):
         """Take and record steps ``first``..``last - 1`` in compiled code; the number of the first
         that was not solved or has an event, ``last`` if there is none.
         """
+
+    def take_varied(self, sizes: np.ndarray, first: int, schedule: OutputSchedule) -> int:
+        """As ``Stepper.take_varied``, after ``varies`` was set."""
 
     def take_step(self, h: float, share: float) -> Outcome:
         """Take one step of size ``h``, a ``share`` of the requested one, in compiled code."""
@@ -149,6 +154,7 @@ class FixedStepper:
         self.requests = Requests()
         self.armed = math.inf
         self.halves_parts = self.half_taken = False
+        self.divisions = 0  # of the present step and its parts
         self.solved_part = math.inf  # share of a step of the last part that was shorter than asked
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
@@ -196,6 +202,16 @@ class FixedStepper:
     def reset_prediction(self) -> None:
         """See ``Stepper``."""
         self.method.reset_prediction()
+
+    def vary_sizes(self, varies: bool) -> None:
+        """See ``Stepper``; events are looked for in steps of one size."""
+        self.method.varies = varies and self.method.degree > 0 and not self.method.detection
+
+    def take_varied(self, sizes: np.ndarray, first: int, schedule: OutputSchedule) -> int:
+        """See ``Stepper``."""
+        if first == len(sizes) or not (self.method.varies and self._uses_compiled_loop()):
+            return first
+        return self.method.take_varied(sizes, first, schedule)
 
     def begin_anew(self) -> None:
         """See ``Stepper``."""
@@ -283,7 +299,7 @@ class FixedStepper:
         """
         before, ends, events = self._saved(), [0.0], 0
         modes = self.contacts.counters if self.contacts else {}
-        self.half_taken, self.solved_part = False, math.inf
+        self.half_taken, self.solved_part, self.divisions = False, math.inf, 0
         self.reset_prediction()
         while True:
             try:
@@ -508,9 +524,9 @@ class FixedStepper:
         ``tried``: the compiled loop has failed.
         """
         outcome = self._solve_once(h, share, tried)
-        if outcome.converged or depth == 0:
+        if outcome.converged or depth == 0 or self.divisions >= self.method.most_divisions:
             return outcome
-        self.subdivisions += 1
+        self.subdivisions, self.divisions = self.subdivisions + 1, self.divisions + 1
         outcome = self._subdivide(0.5 * h, 0.5 * share, depth=depth - 1)
         if not outcome.converged:
             return outcome

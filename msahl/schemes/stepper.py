@@ -32,7 +32,9 @@ A class that implements ``Stepper`` must
     before the one in which it occurs. Steps of a system without margins
     (``events.margins``) cost nothing more;
 11. take the parts of divided steps in two halves where ``halves_parts`` is set, as companions do;
-12. go on in ``begin_anew`` from a state in which loads have jumped from outside.
+12. take steps of different sizes in one call of compiled code, after ``vary_sizes`` and where it
+    has such code, as companions of runs by tolerance do: their steps seldom have one size;
+13. go on in ``begin_anew`` from a state in which loads have jumped from outside.
 """
 
 import math
@@ -116,6 +118,15 @@ class Stepper(Protocol):
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; after ``patience`` seconds no further step that the
         compiled loop cannot solve is begun.
+        """
+
+    def vary_sizes(self, varies: bool) -> None:
+        """Expect ``take_varied`` to be called, or not."""
+
+    def take_varied(self, sizes: np.ndarray, first: int, schedule: OutputSchedule) -> int:
+        """Take the steps of a chunk from ``first`` on that have these ``sizes`` (steps,) [s], as
+        ``advance`` would; return the number of the first that compiled code did not take, which may
+        be ``first``.
         """
 
     @property

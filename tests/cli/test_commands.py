@@ -308,6 +308,21 @@ def test_explain_covers_every_deck(path):
     assert len(result.stdout.splitlines()) > 3
 
 
+def test_explain_describes_another_scheme():
+    explicit = call("explain", SINGLE, "--scheme", "rk8")
+    assert "scheme: rk8, of order 8; explicit: does not conserve" in explicit.stdout
+    assert (
+        "scheme: gauss of degree 4, of order 8"
+        in call("explain", SINGLE, "--scheme", "gauss4").stdout
+    )
+
+
+def test_explain_says_why_explicit_steps_are_not_possible():
+    refused = call("explain", ROOT / "decks/mechanisms/bicycle.xml", "--scheme", "rk4")
+    assert refused.exit_code != 0
+    assert "constraints between rates have no joint coordinates" in refused.stderr
+
+
 @pytest.mark.parametrize("command", [(), ("run",), ("check",), ("explain",)])
 def test_help_shows_an_example(command):
     for flag in ("-h", "--help"):

@@ -45,8 +45,8 @@ def test_the_next_run_aims_at_a_share_of_the_tolerance_in_proportion():
     assert attempts.prepare_next(estimate(4.0 * GOAL), 1.0)
     assert attempts.local == pytest.approx(AIM * before / 4.0)
     # No smaller than what rounding lets a step control.
-    assert made(attempts, 1.5 * GOAL).prepare_next(estimate(1.5 * GOAL), 0.01 * GOAL / FINEST)
-    assert attempts.local == pytest.approx(0.01 * GOAL)
+    assert made(attempts, 1.5 * GOAL).prepare_next(estimate(1.5 * GOAL), 0.004 * GOAL / FINEST)
+    assert attempts.local == pytest.approx(0.004 * GOAL)
 
 
 def test_no_further_run_is_made_where_smaller_steps_do_not_help():

@@ -10,6 +10,7 @@ import pytest
 from msahl.model.scheme import EXPLICIT
 from msahl.run.explain import explain
 from msahl.run.verdict import PASS
+from msahl.schemes.explicit.stepper import MOST_DIVISIONS
 from msahl.schemes.explicit.tableau import butcher
 from msahl.start.velocities import StartError
 from tests.support.closed_forms import recognise
@@ -231,3 +232,12 @@ def test_a_stiff_model_is_named_where_steps_are_unstable():
     run = simulate(deck("flyball_governor"), scheme="rk4", dt=0.01, t_final=0.1)
     assert run.report.status == "not converged"
     assert "unstable where springs or dampers are stiff" in run.report.message
+    assert "take a smaller --dt, or an implicit scheme" in run.report.message
+
+
+def test_an_unstable_run_ends_after_few_divisions():
+    """It took 630,000 of them, a thousand in each of its last steps."""
+    run = simulate(deck("flyball_governor"), scheme="rk4", dt=0.002, t_final=1.0)
+    assert run.report.status == "not converged"
+    # Those of the steps before the last one are less than it may have, too, and these are few.
+    assert run.report.subdivisions <= 3 * MOST_DIVISIONS

@@ -102,23 +102,28 @@ def new_collocation_workspace(
     scheme: str,
     degree: int,
     tree: tuple[Tree, Cut | None] | None = None,
+    like: CollocationWorkspace | None = None,
 ) -> CollocationWorkspace:
     """Return the workspace for steps by the ``scheme`` of a ``degree`` from the prepared state, in
-    the joint coordinates of a ``tree``, cut where its loops close, if there is one.
+    the joint coordinates of a ``tree``, cut where its loops close, if there is one. It shares what
+    does not depend on the degree with another one, ``like`` it: only one of them takes steps.
     """
     lu, higher = workspace.unknowns.elimination, COLLOCATION[scheme]
-    stages = new_stage_arrays(
-        workspace.system, workspace.unknowns, workspace.state, new_tableau(scheme, degree)
-    )
-    violation, rate = workspace.monitor.violation, workspace.monitor.rate
-    stages.first_energy[0] = energy_balance(
-        workspace.system, workspace.state, workspace.start, violation, rate
-    )
+    given = workspace.system, workspace.unknowns, workspace.state, new_tableau(scheme, degree)
+    stages = new_stage_arrays(*given, like and like.stages)
+    if like is None:
+        violation, rate = workspace.monitor.violation, workspace.monitor.rate
+        stages.first_energy[0] = energy_balance(
+            workspace.system, workspace.state, workspace.start, violation, rate
+        )
+    else:
+        stages.first_energy[:] = like.stages.first_energy
+    instant = new_instant(workspace.system, workspace.unknowns) if like is None else like.instant
     return CollocationWorkspace(
         workspace=workspace,
         pressed=pressed_by_reactions(workspace.system.forces),
         stages=stages,
-        instant=new_instant(workspace.system, workspace.unknowns),
+        instant=instant,
         factor=new_factor(lu, degree),
         y=np.zeros((lu.order.size, degree)),
         pivot_rows=np.zeros(degree, dtype=np.int64),
@@ -127,7 +132,7 @@ def new_collocation_workspace(
         half_rates=np.zeros((2, *stages.last_rates.shape)),
         half_solution=np.zeros((2, *stages.Z.shape)),
         outcome=np.zeros(2),
-        tree=tree and new_tree_stages(*tree, workspace, stages.tableau),
+        tree=tree and new_tree_stages(*tree, workspace, stages.tableau, like and like.tree),
     )
 
 

@@ -5,9 +5,10 @@ of the pair, from the same state. It is solved after them, predicted by their po
 takes one or two iterations. Of a method of order p the difference gives the local error of the
 pair,
 
-    e = |pair - long step| / (2^p - 1)                                                  [m]
+    e = |pair - long step| / (2^p' - 1)                                                 [m]
 
     |.|    the largest of all bodies: displacement plus body length times rotation
+    p'     p, or less where steps are too long to have their order (``convergence``)
     h      size of the pair [s]
     tol    tolerance [m], T the duration of the run [s]
 
@@ -62,6 +63,7 @@ from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.collocation.tree import stages as tree_stages
+from msahl.schemes.collocation.tree import step as tree_step
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
@@ -71,14 +73,17 @@ from msahl.system.signal_terms import rate_terms
 from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST = range(7)
-WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, STATES = range(7, 14)
+WIDEST, STOP, ENERGY, FASTEST, CEILING, FIT, SHORTER, EASED, POSSIBLE, STATES = range(7, 17)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
 or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
 which works are compared [J], and highest speed [m/s]; size that the next pair may have at most
 after one that was refused [s]; size at which the last accepted pair would have had its share of the
-tolerance [s]; from here on the largest sizes of the auxiliary states."""
+tolerance [s]; how many pairs in succession may be refused because a step in joint coordinates did
+not converge; pairs accepted since the last one that was refused by its error; size that the last
+good pair could have had by its error [s]; from here on the largest sizes of the auxiliary
+states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -87,6 +92,14 @@ SEARCHES = 12
 MISLED = 0.25
 """Factor of the size of the next pair after one whose event is not where pairs are taken up to it:
 the motion comes nearer to a level than the dense output of a pair of that size is accurate."""
+SHORTENED = 3.0
+"""Most pairs that are refused in succession because a step in joint coordinates did not converge:
+Newton's method in absolute coordinates would solve it, but takes longer than the steps that are a
+half, a quarter or an eighth as long."""
+WORTH = 4.0
+"""Size that errors allow, over that of a pair that does not converge in joint coordinates, from
+which on absolute ones take less time: steps there take ten times as long as others, and at rest
+they may be as long as the run."""
 REACHED = 1e-9
 """Fraction of a pair within which its end is where it was to be."""
 NO_EVENT, AGAIN, ENDS, CROSSES = 0.0, 1.0, 2.0, 3.0
@@ -98,16 +111,22 @@ revolution relative to each other, as is needed to count full revolutions of the
 SAFETY, SHRINK, GROW, SEARCH = 0.9, 0.2, 2.0, 10.0
 """Factor of (1), and the limits of one change of the size: least, largest from pair to pair, and
 largest while a first size is sought."""
-TREND = 0.5
+TREND = 0.75
 """Least factor of the size because it should have become smaller over the last pair, as it will
 over the next."""
 LENT = 5.0
 """Largest error of a pair over its share. Those before have used a part of theirs only, as 0.9^p
 shares are aimed at."""
 UNSOLVED, SOLVED, RECOVERY = 0.5, 0.75, 1.05
-"""Size of the next pair after one that was not solved, and largest one of those after it, as
-fractions; how much the largest grows by pair after one was refused: pairs of that size would
-probably be refused again."""
+"""Size of the next pair after one that was not solved, the square of that while a first size is
+sought, and largest one of those after it, as fractions; how much the largest grows by the first
+pair after one was refused: pairs of that size would probably be refused again. By the k-th pair it
+grows by the k-th power of that where errors were the reason: what the refused one met may be over,
+as a vibration that has faded."""
+ASYMPTOTIC = math.log(4.0)
+"""Logarithm of the size at which errors are as large as bodies, over that from which on they
+decrease by the order of the method. Larger steps of two pendulums, a four-bar, a slider-crank and a
+squeezer have errors that vary by powers of ten from size to size."""
 ROUND_OFF = 4e-16
 """Fraction of positions and lengths that is rounding error: no smaller step reduces it."""
 TOO_SMALL = 1e-12
@@ -125,7 +144,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (13 + n,) see above
+    figures: np.ndarray  # (16 + n,) see above
     counts: np.ndarray  # (4,)
     event: np.ndarray  # (1,) the margin whose event the present pair is to end at
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
@@ -150,7 +169,7 @@ def new_step_control(
     figures = np.zeros(STATES + state.auxiliary.size)
     figures[STOP] = figures[CEILING] = figures[FIT] = math.inf
     figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
-    figures[SHARE] = settings.tolerance / settings.t_final
+    figures[SHARE], figures[SHORTER] = settings.tolerance / settings.t_final, SHORTENED
     return StepControl(
         figures=figures,
         counts=np.zeros(4, dtype=np.int64),
@@ -252,6 +271,7 @@ def try_pair(
     if good and commit:
         restore_end(subsystem, control, 0.5 * h, well)
         accept_pair(control, row, h, error)
+        allow_shorter(subsystem, figures)
         tree_stages.save_forms(subsystem.tree, row)
         keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
@@ -259,8 +279,15 @@ def try_pair(
         return True
     # The next pair is predicted by the long step.
     restore_start(subsystem, control)
-    count_refused(control, SAFETY * h, commit)
+    count_refused(control, SAFETY * h, 0.0, commit)
     return good
+
+
+@kernel
+def allow_shorter(subsystem: CollocationWorkspace, figures: np.ndarray) -> None:
+    """After an accepted pair, allow one refusal more if the next is tried in joint coordinates."""
+    if tree_stages.comes_first(subsystem.tree):
+        figures[SHORTER] = min(SHORTENED, figures[SHORTER] + 1.0)
 
 
 @kernel
@@ -276,10 +303,14 @@ def refuse_unsolved(
     unless switches give way.
     """
     restore_start(subsystem, control)
+    figures, size = control.figures, UNSOLVED * h if commit else UNSOLVED**2 * h
+    if commit:
+        figures[SHORTER] = max(0.0, figures[SHORTER] - 1.0)
     newton.reset_prediction(subsystem)
+    tree_stages.forget_halves(subsystem.tree)
     if not (commit and gives_way(detector, t) > 0.0):
-        control.figures[NEXT] = control.figures[BEST] = UNSOLVED * h
-        count_refused(control, SOLVED * h, commit)
+        figures[NEXT] = figures[BEST] = size
+        count_refused(control, SOLVED * h, -math.inf, commit)
 
 
 @kernel
@@ -317,7 +348,20 @@ def local_error(
         error, round_off = error + rest, round_off + more
         rest, more = work_difference(subsystem, control, row, round_off)
         error, round_off = error + rest, round_off + more
-    return error / (2.0**order - 1.0), round_off
+    return error / (2.0 ** convergence(subsystem, order, error) - 1.0), round_off
+
+
+@kernel
+def convergence(subsystem: CollocationWorkspace, order: int, error: float) -> float:
+    """Order by which the ``error`` [m] of the long step decreases at half its size: that of the
+    method where it is a quarter, or less, of the size that would have an error of the length of a
+    body, and half of it where it is a half or more.
+    """
+    length = largest_body(subsystem)
+    if not 0.0 < error < length:
+        return 0.5 * order
+    shorter = math.log(length / error) / (order + 1.0)  # logarithm of that size over this one
+    return order * min(1.0, max(0.5, shorter / ASYMPTOTIC))
 
 
 @kernel
@@ -334,14 +378,17 @@ def choose_next_size(
     figures = control.figures
     share = figures[SHARE] * h
     most = GROW if commit else SEARCH
-    growth = most
+    growth, possible = most, math.inf
     if error > round_off:
-        growth = min(most, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
+        possible = SAFETY * (share / error) ** (1.0 / order)
+        growth = min(most, max(SHRINK, possible))
     good = error <= max(allowed_error(control), share, round_off)
     speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
     if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
         good, growth = False, MAX_ROTATION / (h * speed)
     figures[BEST] = growth * h
+    if good:
+        figures[POSSIBLE] = possible * h
     if good and commit:
         fit = growth * h / SAFETY
         growth *= min(1.0, max(TREND, fit / figures[FIT]))
@@ -365,13 +412,13 @@ def allowed_error(control: StepControl) -> float:
 
 
 @kernel
-def count_refused(control: StepControl, ceiling: float, commit: bool) -> None:
+def count_refused(control: StepControl, ceiling: float, eased: float, commit: bool) -> None:
     """Count a pair that was refused, if it was not only tried, and let those after it grow slowly
-    beyond the size ``ceiling``.
+    beyond the size ``ceiling``, as after so many pairs that ``eased`` the growth.
     """
     if commit:
         control.counts[REFUSED] += 1
-        control.figures[CEILING] = ceiling
+        control.figures[CEILING], control.figures[EASED] = ceiling, eased
 
 
 @kernel
@@ -384,7 +431,8 @@ def accept_pair(control: StepControl, row: int, h: float, error: float) -> None:
     figures[LARGEST] = max(figures[LARGEST], error)
     figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
     figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
-    figures[CEILING] *= RECOVERY
+    figures[EASED] += 1.0
+    figures[CEILING] *= RECOVERY ** max(1.0, figures[EASED])
     control.sizes[row] = control.sizes[row + 1] = 0.5 * h
     control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
 
@@ -551,7 +599,7 @@ def take_halves(
     """Take a pair of steps of size ``h``/2 and save their ends; return whether both were solved."""
     workspace, stages = subsystem.workspace, subsystem.stages
     for half in range(2):
-        if not newton.take_step(subsystem, 0.5 * h):
+        if not take_step(subsystem, control, 0.5 * h, h):
             return False
         record_figures(
             workspace.system,
@@ -573,11 +621,24 @@ def take_halves(
 
 
 @kernel
+def take_step(subsystem: CollocationWorkspace, control: StepControl, h: float, pair: float) -> bool:
+    """Take a step of size ``h``, only in joint coordinates where a shorter ``pair`` [s] than this
+    one is to be taken; return whether it was solved.
+    """
+    figures = control.figures
+    shorter = figures[SHORTER] > 0.0 and figures[POSSIBLE] < WORTH * pair
+    if shorter and tree_stages.comes_first(subsystem.tree):
+        given = subsystem.tree, subsystem.workspace, subsystem.stages, subsystem.outcome
+        return tree_step.take_step(*given, h)
+    return newton.take_step(subsystem, h)
+
+
+@kernel
 def take_long_step(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
     """Take a step of size ``h`` from the start of the pair; return whether it was solved."""
     restore_start(subsystem, control)
     join_halves(subsystem, control.start.time[0], h)
-    if not newton.take_step(subsystem, h):
+    if not take_step(subsystem, control, h, h):
         return False
     if control.checks_rows:
         save_middle(subsystem, control, h)

@@ -102,28 +102,41 @@ class StageArrays(NamedTuple):
 
 
 def new_stage_arrays(
-    system: System, unknowns: Unknowns, state: State, tableau: Tableau
+    system: System,
+    unknowns: Unknowns,
+    state: State,
+    tableau: Tableau,
+    like: StageArrays | None = None,
 ) -> StageArrays:
-    """Return the arrays for steps by ``tableau`` from ``state``."""
+    """Return the arrays for steps by ``tableau`` from ``state``. They share with those of another
+    degree, ``like`` them, what does not depend on it; these are work arrays and constants.
+    """
     degree = tableau.force_weight.size
-    entries = _jacobian_entries(system, unknowns)
-    return StageArrays(
+    shared = _shared_arrays(system, unknowns, state) if like is None else like._asdict()
+    own = dict(
         tableau=tableau,
+        values=np.zeros((shared["needed"].size, degree, degree)),
+        factor=forces.new_node_factors(system.forces, degree),
+        signals=new_stages(system.forces.signals, state_nodes(tableau)),
+        **_step_arrays(system, state, degree),
+        first_energy=np.zeros(1),
+    )
+    return StageArrays(**{**shared, **own})
+
+
+def _shared_arrays(system: System, unknowns: Unknowns, state: State) -> dict[str, Any]:
+    """Arrays that do not depend on the degree."""
+    return dict(
         gravity_only=system.scalar is None
         and system.beams is None
         and not forces.acts_at_points(system.forces)
         and system.forces.signals is None,
         inverse_inertia=np.linalg.inv(system.bodies.inertia),
         work=np.zeros_like(state.work),
-        values=np.zeros((entries["needed"].size, degree, degree)),
         momentum_slopes=np.zeros((6, 3, 3)),
         momentum_loads=np.zeros((2, 3)),
-        factor=forces.new_node_factors(system.forces, degree),
-        signals=new_stages(system.forces.signals, state_nodes(tableau)),
-        **entries,
+        **_jacobian_entries(system, unknowns),
         **_node_arrays(system, state),
-        **_step_arrays(system, state, degree),
-        first_energy=np.zeros(1),
     )
 
 

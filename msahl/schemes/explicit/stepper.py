@@ -27,6 +27,10 @@ _take_steps_to_event = compiled(steps.take_steps_to_event)
 _record_step = compiled(record_step)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
+MOST_DIVISIONS = 64
+"""Most divisions of one step and its parts: all of it to steps of a 64th, or a place in it to the
+shortest ones. A step that needs more is unstable, and so are those after it, of which each would be
+divided a thousand times until the motion leaves the range of the shortest."""
 
 
 class ExplicitMethod:
@@ -34,6 +38,8 @@ class ExplicitMethod:
     on the state alone, so nothing is remembered of earlier ones.
     """
 
+    varies = False
+    most_divisions: float = MOST_DIVISIONS
     memory: tuple[Any, ...] = ()
     forms: np.ndarray | None = None
     rare_calls: list[Call] = []  # noqa: RUF012 - a step that is not taken has no other solution
@@ -98,6 +104,10 @@ class ExplicitMethod:
         if self.detection:
             return int(_take_steps_to_event(self.subsystem, self.detection.detector, *rest))
         return int(_take_steps(self.subsystem, *rest))
+
+    def take_varied(self, sizes: np.ndarray, first: int, schedule: OutputSchedule) -> int:
+        """See ``StepMethod``; no run of such steps chooses their sizes."""
+        return first
 
     def take_step(self, h: float, share: float) -> Outcome:
         """See ``StepMethod``; nothing here depends on the ``share``."""

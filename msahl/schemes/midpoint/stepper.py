@@ -1,5 +1,6 @@
 """Solves single steps of the schemes of order 2 for ``fixed_stepper.FixedStepper``."""
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,8 @@ class MidpointMethod:
     """
 
     degree = 0
+    varies = False
+    most_divisions = math.inf
     memory: None = None
     forms: None = None
 
@@ -111,6 +114,10 @@ class MidpointMethod:
         if self.instant is None:
             return int(_take_steps(self.workspace, h, first, last, rows))
         return int(_take_steps_instantaneous(self.workspace, self.instant, h, first, last, rows))
+
+    def take_varied(self, sizes: np.ndarray, first: int, schedule: OutputSchedule) -> int:
+        """See ``StepMethod``; no run of such steps chooses their sizes."""
+        return first
 
     def take_step(self, h: float, share: float) -> Outcome:
         """See ``StepMethod``."""

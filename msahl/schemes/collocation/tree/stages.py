@@ -68,16 +68,20 @@ class TreeStages(NamedTuple):
 
 
 def new_tree_stages(
-    tree: Tree, cut: Cut | None, workspace: Workspace, tableau: Tableau
+    tree: Tree,
+    cut: Cut | None,
+    workspace: Workspace,
+    tableau: Tableau,
+    like: TreeStages | None = None,
 ) -> TreeStages:
     """Return the arrays for steps by a ``tableau`` of at most ``LANES`` nodes, with the equations
-    of a ``cut`` where loops are closed.
+    of a ``cut`` where loops are closed; see ``new_stage_arrays`` for ``like``.
     """
     system, chunk = workspace.system, workspace.monitor.rows.shape[0]
-    c, motion = tableau.force_time, new_motion(tree)
+    c, motion = tableau.force_time, new_motion(tree) if like is None else like.motion
     s, n = c.size, tree.body.size
     node = np.minimum(np.arange(LANES), s - 1)
-    load_node = _new_load_node(system, workspace.state)
+    load_node = _new_load_node(system, workspace.state) if like is None else like.node
     return TreeStages(
         tree=tree,
         motion=motion,
@@ -134,6 +138,12 @@ def save_forms(tree: TreeStages, step: int) -> None:
 
 
 @optional(False)
+def comes_first(tree: TreeStages) -> bool:
+    """Whether the next step is tried in this form."""
+    return tree.figures[ABSOLUTE] == 0.0 and tree.figures[RESTING] == 0.0
+
+
+@optional(False)
 def is_mixed(tree: TreeStages) -> bool:
     """Whether a long step was solved in another form than both halves. Each form has an error of
     its own, so the difference says nothing of either. Then the next steps are left to absolute
@@ -164,6 +174,12 @@ def save_half(tree: TreeStages, half: int) -> None:
     tree.half_form[half] = tree.figures[FROM_TREE]
     copy(tree.last_rates, tree.half_rates[half])
     loop_stages.save_half(tree.loops, half)
+
+
+@optional()
+def forget_halves(tree: TreeStages) -> None:
+    """Forget the forms of both halves of a pair that was not solved."""
+    tree.half_form[0] = tree.half_form[1] = tree.figures[FROM_TREE]
 
 
 @optional()
