@@ -150,7 +150,7 @@ def _node_shapes(modes: FloatingModes, parts: Tied) -> np.ndarray:
 
 def _at_all_nodes(modes: FloatingModes, spread: np.ndarray, given: ElasticModel) -> FloatingModes:
     """Return the modes of the model before sets of nodes were tied, which kept its nodes in their
-    places: by the rotations of its own nodes each of them turns with the frame as it does."""
+    places: by the rotations of its own nodes each of them follows the frame as it does."""
     return replace(
         modes,
         model=given,

@@ -1,10 +1,9 @@
 """Scalar constraint equations between coordinates, of joints, couplings and prescribed motions.
 
-    c_1 q_1 + c_2 S(q_2) + c_3 q_3 + ... = offset + law(t)
+    c_1 q_1 + c_2 S(q_2) = offset + law(t)      S the identity, or a function the deck gives (a cam)
 
-S is the identity, or a function the deck gives (a cam). Elastic bodies alone have more than two
-coordinates in an equation. Each equation has one multiplier lam: its loads along q_1, q_2 are
-lam c_1 and lam c_2 S' (over a step the quotient dS/dq_2), so the work of its forces over a step is exactly
+Each equation has one multiplier lam: its loads along q_1, q_2 are lam c_1 and lam c_2 S' (over a
+step the quotient dS/dq_2), so the work of its forces over a step is exactly
 lam (change of the law): zero for a joint, the work of the motor for a prescribed motion.
 
 Here is one equation; ``scalar`` goes through all of them. How equation and multiplier are scaled is
@@ -24,21 +23,19 @@ SAME = 1e-7
 
 
 class ConstraintEquations(NamedTuple):
-    """All equations, with s sides, the most that one has, and at least two; -1 stands for no further
-    coordinate, no function, no law.
-    """
+    """All equations; -1 stands for no second coordinate, no function, no law."""
 
     place: np.ndarray  # (r, 2) of multiplier and equation: the multipliers' node, and its slot
-    coordinate: np.ndarray  # (r, s) the first is never -1
-    coefficient: np.ndarray  # (r, s)
+    coordinate: np.ndarray  # (r, 2) the first is never -1
+    coefficient: np.ndarray  # (r, 2)
     function: np.ndarray  # (r,) the law S
     law: np.ndarray  # (r,) of time
     offset: np.ndarray  # (r,) constant part of the right-hand side
     holonomic: np.ndarray  # (r,) whether it constrains positions, not rates alone
     mass: np.ndarray  # (r,) [kg]
     scale: np.ndarray  # (r,) [m] or 1
-    force_block: np.ndarray  # (r, s, 4) starts of the blocks of each coordinate's parts by the node
-    constraint_block: np.ndarray  # (r, s, 4) and of the node by the parts
+    force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each coordinate's parts by the node
+    constraint_block: np.ndarray  # (r, 2, 4) and of the node by the parts
 
 
 def is_active(rows: ConstraintEquations) -> np.ndarray:
@@ -58,7 +55,7 @@ def coefficients(
     """
     q, c = rows.coordinate[r, side], rows.coefficient[r, side]
     change = start.change[q]
-    if side != 1 or rows.function[r] < 0:
+    if side == 0 or rows.function[r] < 0:
         return c * change, c, c, 0.0
     q0 = start.value[q]
     if abs(change) < SAME:
@@ -98,7 +95,7 @@ def add_load(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, lam: float
 ) -> None:
     """Add the multiplier ``lam`` of equation ``r`` to the loads along its coordinates."""
-    for side in range(rows.coordinate.shape[1]):
+    for side in range(2):
         q = rows.coordinate[r, side]
         if q >= 0:
             _, c, _, _ = coefficients(rows, laws, start, r, side)

@@ -110,7 +110,7 @@ def _set_equations(
     rows, laws, q, (t, h) = scalar.equations, scalar.laws, start.coordinates, interval
     for r in range(rows.function.size):
         total = -law_change(rows, laws, r, t, h)
-        for side in range(rows.coordinate.shape[1]):
+        for side in range(2):
             if rows.coordinate[r, side] >= 0:
                 change, _, _, _ = coefficients(rows, laws, q, r, side)
                 total += change
@@ -150,7 +150,7 @@ def _add_blocks(
     rows, coords, q_start = scalar.equations, scalar.coordinates, start.coordinates
     for r in range(rows.function.size):
         slot = rows.place[r, 1]
-        for side in range(rows.coordinate.shape[1]):
+        for side in range(2):
             q = rows.coordinate[r, side]
             if q < 0:
                 continue
@@ -268,7 +268,7 @@ def free_acceleration(
         total = 0.0
         if rows.law[r] >= 0:
             total = -evaluate(laws, rows.law[r], t)[2]
-        for side in range(rows.coordinate.shape[1]):
+        for side in range(2):
             q = rows.coordinate[r, side]
             if q < 0:
                 continue
@@ -491,7 +491,7 @@ def observe(
         if rows.law[r] >= 0:
             value, slope, _ = evaluate(laws, rows.law[r], t)
             total, total_rate = total - value, -slope
-        for side in range(rows.coordinate.shape[1]):
+        for side in range(2):
             k = rows.coordinate[r, side]
             if k >= 0:
                 value, slope = q.value[k], 1.0
