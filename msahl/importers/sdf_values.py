@@ -11,7 +11,7 @@ from msahl.importers.robot import HERE, Pose
 from msahl.importers.urdf import roll_pitch_yaw
 
 UNBOUNDED = 1e16
-"""Limits from here on are none: files before SDF 1.8 write 1e16 in place of inf."""
+"""Limit at and above which there is no limit: files before SDF 1.8 write 1e16 in place of inf."""
 QUATERNION = "quat_xyzw"
 
 

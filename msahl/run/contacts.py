@@ -8,6 +8,7 @@ import numpy as np
 from msahl.run.subsystem import SubsystemIntegrator
 
 if TYPE_CHECKING:
+    from msahl.contact.events import ContactEvent
     from msahl.contact.modes import ContactModes
     from msahl.switching.modes import Switching
 
@@ -16,11 +17,17 @@ def rows_of_events(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
     """Return the rows (m, columns) of ``events.csv`` that are not published yet, in order of time:
     objects, as some columns are words.
     """
-    found = [event for source in _sources(integrators) for event in source.events]
+    found = events_of(integrators)
     rows = np.empty((len(found), len(found[0]) if found else 0), dtype=object)
-    for k, event in enumerate(sorted(found, key=lambda event: event.time)):
+    for k, event in enumerate(found):
         rows[k] = event
     return rows
+
+
+def events_of(integrators: Sequence[SubsystemIntegrator]) -> "list[ContactEvent]":
+    """Return what happened and is not published yet, in order of time."""
+    found = [event for source in _sources(integrators) for event in source.events]
+    return sorted(found, key=lambda event: event.time)
 
 
 def forget_events(integrators: Sequence[SubsystemIntegrator]) -> None:

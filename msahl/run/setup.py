@@ -62,6 +62,23 @@ class RunSetup:
         return [call for integrator in self.all_integrators for call in integrator.stepper.calls]
 
 
+def build_integrators(
+    model: Model,
+    settings: RunSettings,
+    rows: int,
+    full: bool | None = None,
+    kind: type[SubsystemIntegrator] = SubsystemIntegrator,
+) -> list[SubsystemIntegrator]:
+    """Return the subsystems of a ``model`` at t = 0 with arrays for so many ``rows``; ``full`` in
+    place of what the settings say. Raises ``StartError``.
+    """
+    full = settings.full if full is None else full
+    # With step-size control all subsystems take the same steps: their local errors are added up.
+    together, accelerations = full or settings.adaptive, needs_accelerations(model)
+    given = settings.solver, full, rows, settings.instantaneous, accelerations, STORAGES
+    return [kind(part, *given) for part in ([model] if together else split(model))]
+
+
 def build_setup(
     model: Model, settings: RunSettings, attempts: Attempts | None, finer: FinerMesh | None = None
 ) -> RunSetup:
@@ -69,20 +86,7 @@ def build_setup(
     are estimated, that by the mesh is, too, if there is a ``finer`` one.
     """
     began, output = time.perf_counter(), OutputTimes.of(model, settings.every)
-    # With step-size control all subsystems take the same steps: their local errors are added up.
-    together = settings.full or settings.adaptive
-    integrators = [
-        SubsystemIntegrator(
-            subsystem,
-            settings.solver,
-            settings.full,
-            output.chunk,
-            settings.instantaneous,
-            needs_accelerations(model),
-            STORAGES,
-        )
-        for subsystem in ([model] if together else split(model))
-    ]
+    integrators = build_integrators(model, settings, output.chunk)
     tables = TableAssembly(model, integrators)
     tolerance = settings.local_tolerance
     plan: StepPlan = GivenSteps(output) if tolerance is None else ControlledSteps(output, tolerance)

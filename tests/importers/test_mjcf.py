@@ -8,9 +8,9 @@ from lxml import etree
 
 import msahl
 from msahl.algebra.rotation_arrays import rotations
-from msahl.deck import DeckError
 from msahl.expressions.text import text_of
 from msahl.importers import ImportOptions, import_file
+from tests.importers.faults import faults_of
 from tests.importers.joint_space import linkage
 from tests.importers.test_urdf import tetrahedron
 from tests.support.models import ROOT
@@ -38,12 +38,6 @@ def body(inside, attributes=""):
 def only_body(found):
     (one,) = found.source.model().bodies
     return one
-
-
-def faults_of(call, *arguments, **options):
-    with pytest.raises(DeckError) as error:
-        call(*arguments, **options)
-    return str(error.value)
 
 
 def hinge(name="j", more=""):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import msahl
-from msahl.deck import DeckError
 from msahl.importers import ImportOptions, import_file
 from msahl.joints.placement import place_of
 from tests.importers import oracle
+from tests.importers.faults import faults_of
 from tests.importers.joint_space import mass_centre, mass_matrix
 from tests.importers.sdf_of_urdf import sdf_of
 from tests.support.models import ROOT
@@ -51,12 +51,6 @@ def imported(tmp_path):
         return import_file(path, ImportOptions(**options))
 
     return of
-
-
-def faults_of(call, *arguments, **options):
-    with pytest.raises(DeckError) as error:
-        call(*arguments, **options)
-    return str(error.value)
 
 
 def lost(found):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import msahl
-from msahl.deck import DeckError
 from msahl.importers import ImportOptions, import_file
+from tests.importers.faults import faults_of
 from tests.importers.joint_space import linkage, mass_matrix
 from tests.support.models import ROOT
 
@@ -36,12 +36,6 @@ def imported(tmp_path):
         return import_file(path, ImportOptions(**options))
 
     return of
-
-
-def faults_of(call, *arguments, **options):
-    with pytest.raises(DeckError) as error:
-        call(*arguments, **options)
-    return str(error.value)
 
 
 def messages(found, kind):

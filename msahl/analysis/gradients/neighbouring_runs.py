@@ -20,11 +20,17 @@ import numpy as np
 from msahl.analysis.gradients.same_steps import Along, Happened, Trace, trace
 from msahl.analysis.gradients.start import NotDifferentiable
 from msahl.analysis.gradients.step_sequence import Step
-from msahl.analysis.gradients.tables import CENTRAL, REVOLUTION, STATE_SIZE, TableGradients
-from msahl.joints.coordinates import is_angle
+from msahl.analysis.gradients.tables import (
+    CENTRAL,
+    STATE_SIZE,
+    TableGradients,
+    angle_columns,
+    change_of,
+    with_moved_end,
+)
 from msahl.model import Model, RunSettings
 from msahl.records import record
-from msahl.run.tables import JOINTS, STATES, tables_of_model
+from msahl.run.tables import STATES
 from msahl.start.velocities import StartError
 
 SHARE = 2e-3
@@ -90,15 +96,13 @@ class RunModel:
     def _by_parameter(self, near: Nearby, base: Trace, along: Along) -> "_Slopes":
         e, other = self._shift(near, base, along), base
         for _ in range(MOST_TRIES):
-            nodes, side = self._nodes(near, e)
-            traces = [
-                trace(near.at(node * side * e), self.settings, along) if node else base
-                for node, _ in nodes
-            ]
+            traces, weights = [], []
+            for _, model, weight in _neighbours(near, e):
+                traces.append(base if model is None else trace(model, self.settings, along))
+                weights.append(weight)
             others = [one for one in traces if one.happened != base.happened]
             if not others:
-                weights = [side * weight / e for _, weight in nodes]
-                return _slopes(base, traces, weights, _angles(self.model))
+                return _slopes(base, traces, weights, angle_columns(self.model))
             other, e = others[0], e * SMALLER
         raise NotDifferentiable(OTHER_EVENTS.format(_difference_of_events(base, other)))
 
@@ -107,25 +111,10 @@ class RunModel:
         the parameter by no more than that.
         """
         size = abs(near.value) or 1.0
-        _, side = self._nodes(near, PILOT * size)
-        other = trace(near.at(side * PILOT * size), self.settings, along)
-        moved = float(_moved(base, other).max(initial=0.0))
+        pilot = next(m for node, m, _ in _neighbours(near, PILOT * size) if node == 1.0)
+        assert pilot is not None
+        moved = float(_moved(base, trace(pilot, self.settings, along)).max(initial=0.0))
         return min(SHARE * size, PILOT * size * SHARE / moved if moved else np.inf)
-
-    def _nodes(self, near: Nearby, e: float) -> tuple[Sequence[tuple[float, float]], float]:
-        """Return the shifts and weights for a shift ``e``, and the sign of it: of a difference to
-        both sides, or to that which the deck allows. Raises ``NotDifferentiable``.
-        """
-        refused = None
-        for nodes, side in ((CENTRAL, 1.0), (ONE_SIDED, 1.0), (ONE_SIDED, -1.0)):
-            try:
-                for node, _ in (nodes[0], nodes[-1]):
-                    near.at(node * side * e)
-            except NotDifferentiable as error:
-                refused = refused or error
-                continue
-            return nodes, side
-        raise NotDifferentiable(str(refused))
 
     def _by_end(self, base: Trace, along: Along) -> "_Slopes":
         """Return the derivatives by the end of the run [s], which its last step moves."""
@@ -139,7 +128,26 @@ class RunModel:
             moved = [step._replace(size=step.size + node * e / count) for step in last]
             steps = [*along.steps[:-count], *moved]
             traces.append(trace(self.model, self.settings, along._replace(steps=steps)))
-        return _slopes(base, traces, [weight / e for _, weight in CENTRAL], _angles(self.model))
+        return _slopes(
+            base, traces, [weight / e for _, weight in CENTRAL], angle_columns(self.model)
+        )
+
+
+def _neighbours(near: Nearby, e: float) -> list[tuple[float, Model | None, float]]:
+    """Return the nodes of the difference with a shift ``e``, the models there, None of that without
+    a shift, and their weights in the derivative: on both sides, or on that which the deck allows.
+    Raises ``NotDifferentiable``.
+    """
+    refused = None
+    for nodes, side in ((CENTRAL, 1.0), (ONE_SIDED, 1.0), (ONE_SIDED, -1.0)):
+        try:
+            return [
+                (node, near.at(node * side * e) if node else None, side * weight / e)
+                for node, weight in nodes
+            ]
+        except NotDifferentiable as error:
+            refused = refused or error
+    raise NotDifferentiable(str(refused))
 
 
 class _Slopes(NamedTuple):
@@ -175,10 +183,8 @@ def _change(name: str, rows: np.ndarray, base: np.ndarray, angles: np.ndarray) -
     """Return the change (m, columns) of a table: of orientations and angles in the
     parameters and on the revolution of the ``base``.
     """
-    change: np.ndarray = rows - base
-    if name == JOINTS:
-        change[:, angles] -= REVOLUTION * np.round(change[:, angles] / REVOLUTION)
-    elif name == STATES:
+    change = change_of(name, rows, base, angles)
+    if name == STATES:
         p, own = (of[:, 1:].reshape(len(of), -1, STATE_SIZE)[..., 3:6] for of in (rows, base))
         change[:, 1:].reshape(len(rows), -1, STATE_SIZE)[..., 3:6] = _same_set(p, own) - own
     return change
@@ -228,22 +234,14 @@ def _words(happened: Happened, at: np.ndarray) -> str:
     return f"'{element or event}' {kind} at t = {at[0]:.9g} s"
 
 
-def _angles(model: Model) -> np.ndarray:
-    columns = tables_of_model(model).get(JOINTS, [])
-    return np.array([is_angle(name.rpartition(".")[2]) for name in columns], dtype=bool)
-
-
 def _assembled(base: Trace, found: Sequence[_Slopes], by_end: _Slopes | None) -> TableGradients:
     """Return the derivatives by all parameters; those of the end of a run that it moves with."""
-    slopes = {name: np.stack([one.tables[name] for one in found]) for name in base.rows}
+    every = [*found, by_end] if by_end else found
+    slopes = {name: np.stack([one.tables[name] for one in every]) for name in base.rows}
     end = np.zeros(len(found))
     if by_end:
-        if not by_end.margin:
-            raise NotDifferentiable("the condition that ends the run does not change with time")
-        end = np.array([-one.margin / by_end.margin for one in found])
-        for name, table in slopes.items():
-            table[:, -1] += end[:, None] * by_end.tables[name][-1]
-            table[:, -1, 0] = end
+        margin = np.array([one.margin for one in every])
+        end, slopes = with_moved_end(slopes, margin, -1)
     gradients = TableGradients(base.rows, slopes, end)
     gradients.sizes = np.stack([one.sizes for one in found], axis=1)
     gradients.left, gradients.not_unique = np.zeros(len(found)), base.not_unique

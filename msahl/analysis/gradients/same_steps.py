@@ -6,20 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.analysis.gradients.start import NotDifferentiable
+from msahl.analysis.gradients.start import NotDifferentiable, not_unique
 from msahl.analysis.gradients.step_sequence import Step
-from msahl.contact.events import ContactEvent
 from msahl.model import Model, RunSettings
 from msahl.run.companion import advance, with_given_steps
+from msahl.run.contacts import events_of
 from msahl.run.observed import ObservedTables
 from msahl.run.output import TableAssembly
-from msahl.run.setup import STORAGES
+from msahl.run.setup import build_integrators
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.tables import REACTIONS, needs_accelerations
+from msahl.run.tables import REACTIONS
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.diagnostics import STOP
-from msahl.system.names import LOAD_COLUMN
-from msahl.system.subsystems import split
 
 MOST_TOGETHER = 500
 """Most steps that are taken at once; an even number, as halves of a step stay together."""
@@ -67,34 +65,25 @@ def trace(model: Model, settings: RunSettings, along: Along) -> Trace:
         rows.add(piece)
         states = [part.workspace.state for part in parts]
         places.append(np.hstack([np.stack([state.x, state.p]) for state in states]))
-    events = [_events(part) for part in parts]
+    events = [events_of([part]) for part in parts]
     last, systems = len(pieces[-1]) - 1, [part.workspace.system for part in parts]
-    return Trace(
+    found = Trace(
         {name: np.concatenate(tables) for name, tables in rows.tables.items()},
         np.array(places),
         tuple(tuple((e.kind, e.element, e.event) for e in found) for found in events),
         tuple(np.array([e.time for e in found]) for found in events),
         max(float(part.workspace.monitor.rows[last, STOP]) for part in parts),
         max(float(system.frames.length[:-1].max(initial=1e-300)) for system in systems),
-        frozenset(name for part in parts for name in _not_unique(part)),
+        frozenset(name for part in parts for name in not_unique(part)),
     )
+    for part in parts:
+        part.release(0.0)
+    return found
 
 
 def _build(model: Model, settings: RunSettings, capacity: int) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0 with arrays for so many rows; none ends the run."""
-    given, together = with_given_steps(model, settings), settings.full or settings.adaptive
-    parts = [
-        SubsystemIntegrator(
-            part,
-            settings.solver,
-            settings.full,
-            capacity,
-            settings.instantaneous,
-            needs_accelerations(model),
-            STORAGES,
-        )
-        for part in ([given] if together else split(given))
-    ]
+    parts = build_integrators(with_given_steps(model, settings), settings, capacity)
     for part in parts:
         part.stepper.arm(math.inf)
         part.show_start()
@@ -169,18 +158,3 @@ class _Rows:
     def _keep(self, tables: dict[str, np.ndarray]) -> None:
         for name in self.along.tables:
             self.tables.setdefault(name, []).append(tables[name])
-
-
-def _events(part: SubsystemIntegrator) -> list[ContactEvent]:
-    """Return what happened in a subsystem, in order."""
-    sources = (part.switching, part.modes)
-    found = [event for source in sources if source is not None for event in source.events]
-    return sorted(found, key=lambda event: event.time)
-
-
-def _not_unique(part: SubsystemIntegrator) -> list[str]:
-    """Return the columns of reactions that redundant constraints leave undetermined."""
-    shared = part.shared if part.workspace.system.relaxation > 0.0 else {}
-    found = [f"{name}.{column}" for name, columns in shared.items() for column in columns]
-    contacts = part.modes.record.shared if part.modes else ()
-    return [*found, *(f"{name}.{LOAD_COLUMN}" for name in contacts)]

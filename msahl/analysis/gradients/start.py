@@ -12,11 +12,10 @@ import numpy as np
 from msahl.algebra.rotation import compose, inverse
 from msahl.analysis.gradients.arrays import blocks_of, constants, flat, places_in_state
 from msahl.model import Model, RunSettings
-from msahl.run.setup import STORAGES
+from msahl.run.setup import build_integrators
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.tables import needs_accelerations
 from msahl.schemes.common.tangents import FIRST_P, FRAMES, SHARE
-from msahl.system.subsystems import split
+from msahl.system.names import LOAD_COLUMN
 
 ROUND_OFF = 2e-15
 """Change of a number relative to it that is no change."""
@@ -67,19 +66,8 @@ class DifferentiatedIntegrator(SubsystemIntegrator):
 def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
     """Return the subsystems of a model at t = 0, as a run has them, each with its first row."""
     settings = shape.settings
-    together = shape.full or settings.adaptive
-    parts: list[SubsystemIntegrator] = [
-        DifferentiatedIntegrator(
-            part,
-            settings.solver,
-            shape.full,
-            max(shape.rows, 2),
-            settings.instantaneous,
-            needs_accelerations(model),
-            STORAGES,
-        )
-        for part in ([model] if together else split(model))
-    ]
+    rows, kind = max(shape.rows, 2), DifferentiatedIntegrator
+    parts = build_integrators(model, settings, rows, shape.full, kind)
     for part in parts:
         method: Any = part.stepper.method  # type: ignore[attr-defined]
         for degree in shape.degrees:
@@ -88,6 +76,14 @@ def build_parts(model: Model, shape: Shape) -> list[SubsystemIntegrator]:
         part.workspace.monitor.rows[:] = 0.0
         part.show_start()
     return parts
+
+
+def not_unique(part: SubsystemIntegrator) -> list[str]:
+    """Return the columns of reactions that redundant constraints leave undetermined."""
+    shared = part.shared if part.workspace.system.relaxation > 0.0 else {}
+    found = [f"{name}.{column}" for name, columns in shared.items() for column in columns]
+    contacts = part.modes.record.shared if part.modes else ()
+    return [*found, *(f"{name}.{LOAD_COLUMN}" for name in contacts)]
 
 
 def start_of(part: SubsystemIntegrator) -> Start:

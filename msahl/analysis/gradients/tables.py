@@ -18,6 +18,7 @@ from msahl.analysis.gradients.start import (
     Start,
     Variation,
     build_parts,
+    not_unique,
     relative_change,
     start_of,
     starts_of,
@@ -148,13 +149,7 @@ class TangentModel:
         gradients = found.gradients(runs, free)
         first = min(runs, key=lambda run: run.jumped)
         gradients.jumped, gradients.jumping = first.jumped, first.jumping
-        gradients.not_unique = frozenset(
-            f"{joint}.{column}"
-            for part in parts
-            if part.workspace.system.relaxation > 0.0
-            for joint, columns in part.shared.items()
-            for column in columns
-        )
+        gradients.not_unique = frozenset(name for part in parts for name in not_unique(part))
         self._add_observed(gradients, tables, max(run.length for run in runs))
         return gradients
 
@@ -163,14 +158,11 @@ class TangentModel:
         if not set(tables) & set(OBSERVED):
             return
         base = ObservedTables(self.model).rows(found.rows)
-        angles = _angle_columns(self.model)
+        angles = angle_columns(self.model)
         slopes = {name: np.zeros((len(found.end), *rows.shape)) for name, rows in base.items()}
 
         def add(name: str, rows: np.ndarray, weight: np.ndarray, j: int) -> None:
-            change = rows - base[name]
-            if name == JOINTS:
-                change[:, angles] -= REVOLUTION * np.round(change[:, angles] / REVOLUTION)
-            slopes[name][j] += weight * change
+            slopes[name][j] += weight * change_of(name, rows, base[name], angles)
 
         for j, neighbours in enumerate(self.neighbours):
             e = _shift_of_rows(found.slopes[STATES][j], length)
@@ -256,18 +248,38 @@ class _Assembly:
         if free:
             last = list(self.place.values())[-1]
             _, by_all = max((run.margin() for run in runs), key=lambda margin: margin[0])
-            if not np.isfinite(by_all).all() or by_all[-1] == 0.0:
-                raise NotDifferentiable("the condition that ends the run does not change with time")
-            found.end = -by_all[:n] / by_all[-1]
-            for name, slopes in self.slopes.items():
-                moved = slopes[:n]
-                moved[:, last] += found.end[:, None] * slopes[n, last]
-                moved[:, last, 0] = found.end
-                found.slopes[name] = moved
+            found.end, found.slopes = with_moved_end(self.slopes, by_all, last)
         return found
 
 
-def _angle_columns(model: Model) -> np.ndarray:
+def change_of(name: str, rows: np.ndarray, base: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return the change (m, columns) of a table, of angles of joints by less than a revolution."""
+    change: np.ndarray = rows - base
+    if name == JOINTS:
+        change[:, angles] -= REVOLUTION * np.round(change[:, angles] / REVOLUTION)
+    return change
+
+
+def with_moved_end(
+    slopes: Mapping[str, np.ndarray], margin: np.ndarray, last: int
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return the derivatives (n,) of the end of a run by n parameters, and those of its tables with
+    them, from ``slopes`` (n + 1, m, columns) and those of the ``margin`` (n + 1,) that ends it, of
+    which the last are by the end itself. Raises ``NotDifferentiable``.
+    """
+    if not np.isfinite(margin).all() or margin[-1] == 0.0:
+        raise NotDifferentiable("the condition that ends the run does not change with time")
+    end, found = -margin[:-1] / margin[-1], {}
+    for name, table in slopes.items():
+        moved = table[:-1]
+        moved[:, last] += end[:, None] * table[-1, last]
+        moved[:, last, 0] = end
+        found[name] = moved
+    return end, found
+
+
+def angle_columns(model: Model) -> np.ndarray:
+    """Return which columns of the table of joints are angles."""
     columns = tables_of_model(model).get(JOINTS, [])
     return np.array([is_angle(name.rpartition(".")[2]) for name in columns], dtype=bool)
 
