@@ -193,6 +193,11 @@ class ContactSide:
         """Return 1 if the gap is larger where the coordinate is, -1 if it is smaller."""
         return 1.0 if self.is_lower else -1.0
 
+    @property
+    def is_angle(self) -> bool:
+        """Return whether the coordinate is an angle."""
+        return isinstance(self.contact, JointLimit) and self.contact.coordinate == "angle"
+
 
 def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
     """Return the sides of a contact, the lower one first."""

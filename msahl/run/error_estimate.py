@@ -54,7 +54,7 @@ from msahl.run.error_history import GROWTH, ErrorHistory
 from msahl.run.lasting import Lasting
 from msahl.run.signal_errors import SignalErrors
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.unseen_errors import unseen_motion
+from msahl.run.unseen_errors import unseen_jump, unseen_motion
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.names import reaction_columns
 from msahl.system.signal_terms import Scales, Sizes
@@ -163,7 +163,18 @@ class ErrorEstimate:
         if self.takes:
             self._note_taken(integrators, times)
         own = [first_rows(integrator, len(times)) for integrator in integrators]
-        return self.compare(own, others, times, np.repeat(steps.sizes, np.diff(schedule.due)))
+        errors = self.compare(own, others, times, np.repeat(steps.sizes, np.diff(schedule.due)))
+        self._add_unseen_jumps(integrators, errors)
+        return errors
+
+    def _add_unseen_jumps(
+        self, integrators: Sequence[SubsystemIntegrator], errors: np.ndarray
+    ) -> None:
+        """Add the jumps of velocities at impacts that may be on the other side of a row."""
+        times, position = errors[:, 0], errors[:, 1:3].max(axis=1)
+        for integrator, lengths in zip(integrators, self.lengths, strict=True):
+            jump = unseen_jump(integrator, times, position, float(lengths.max()))
+            self.largest["velocity"] = max(self.largest["velocity"], jump)
 
     def compare(
         self, own: Sequence[Rows], others: Sequence[Rows], times: np.ndarray, h: np.ndarray

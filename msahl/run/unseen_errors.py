@@ -4,11 +4,14 @@ prescribed motion   oscillates between the times at which both runs evaluate it:
                     from the parabola through these times is the error [m]
 friction            a rate passes the regularisation width w [m/s] within one step: it may be
                     wrong by w/2 until the end of the run, a displacement of w t/2 [m]
+impact              an output time that both runs reach before it, or after it, may be on its
+                    other side: the velocity there is wrong by the jump
 """
 
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
+from msahl.contact.events import IMPACT
 from msahl.events.margins import ENDS_AT_KINKS
 from msahl.expressions.pulses import BETWEEN, MET, PARABOLA
 from msahl.model import Model
@@ -70,3 +73,23 @@ def unresolved_friction(
     step = h / BEYOND if ends else h
     passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, step)
     return (REST if ends else 1.0) * passed * t_final
+
+
+def unseen_jump(
+    integrator: SubsystemIntegrator, times: np.ndarray, position: np.ndarray, length: float
+) -> float:
+    """Largest jump [m/s] of the rate of a gap in an impact that may have been on the other side of
+    one of the output ``times`` (m,): in the time between, the gap changes by less than the
+    estimated error of positions there, ``position`` (m,) [m]. Angles count with ``length`` [m].
+    """
+    if integrator.modes is None:
+        return 0.0
+    angles = {side.name for side in integrator.model.contact_sides if side.is_angle}
+    largest = 0.0
+    for event in integrator.modes.events:
+        if event.kind == IMPACT:
+            scale = length if event.element in angles else 1.0
+            distance = np.abs(times - event.time) * abs(event.speed_before) * scale
+            if (distance <= position).any():
+                largest = max(largest, scale * abs(event.speed_after - event.speed_before))
+    return largest

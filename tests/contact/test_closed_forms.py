@@ -127,6 +127,32 @@ def test_lossless_impacts_keep_the_energy(scheme, impacts):
     assert report.extremes["energyErrorMax"] < 1e-12 * 9.81
 
 
+@pytest.mark.parametrize("late", [2.5e-4, 0.1])
+def test_velocity_error_at_a_row_that_an_impact_may_have_passed(late):
+    """x'' + x = 0 from -1: it rebounds at pi/2. Run and companion, whose periods are too long by
+    h^2/12 and h^2/48, are still before it in a row shortly ``late``, and have both passed later.
+    """
+    spring = SpringDamper(
+        "Spring", GROUND.name, "Ball", (-10.0, 0.0, 0.0), (0.0,) * 3, 1.0, 0.0, 10.0
+    )
+    wall = PlaneContact("Wall", GROUND.name, "Ball", (0.0,) * 3, (0.0,) * 3, (-1.0, 0.0, 0.0))
+    model = build_model(
+        [body("Ball", 1.0, 0.01, (-1.0, 0.0, 0.0))],
+        loads=(spring,),
+        contacts=(replace(wall, restitution=0.5),),
+    )
+    row = 0.5 * np.pi + late
+    report, sink, _ = run_events(model, "preserving", row / 10.0, 1.1 * row, error="estimate")
+    t, v = sink.table("states")[:, [0, 7]].T
+    impact = 0.5 * np.pi
+    true = np.abs(v - np.where(t < impact, np.sin(t), -0.5 * np.cos(t - impact))).max()
+    if late < 1e-3:
+        assert true == pytest.approx(1.5, rel=1e-3)  # the jump, 1 + e; its speed is of order 2
+        assert report.error["velocity"] == pytest.approx(true, rel=1e-3)
+    else:  # as of smooth motions, by Richardson's factor with its safety of 1.5
+        assert 1.3 < report.error["velocity"] / true < 1.8
+
+
 def test_impact_oscillator_comes_to_one_impact_per_cycle():
     """x'' + x = cos 2.2t, x <= 0, e = .8: deviations fall to .8 in each cycle."""
     lateral = ConcentratedLoad(

@@ -174,7 +174,7 @@ def _impulses(
         for event in model.events
     }
     place = {name: k for k, name in enumerate(contacts)}
-    angular = {s.name: getattr(s.contact, "coordinate", "") == "angle" for s in model.contact_sides}
+    angular = {side.name: side.is_angle for side in model.contact_sides}
     nothing = {"body": -1, "point": [0.0, 0.0, 0.0], "direction": None, "basis": -1}
     found: list[Entry] = []
     if events is None:
