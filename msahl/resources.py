@@ -13,7 +13,7 @@ def folder(name: str) -> Path:
 
 def example_decks() -> list[Path]:
     """Return the decks that are installed with the package."""
-    parts = ("elastic", "forces", "joints")
+    parts = ("contact", "elastic", "forces", "joints")
     return sorted(path for part in parts for path in (folder("decks") / part).glob("*.xml"))
 
 

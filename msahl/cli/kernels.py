@@ -18,6 +18,7 @@ from msahl.events.margins import Span, build_margins
 from msahl.jit import by_size
 from msahl.jit.arguments import Description, describe
 from msahl.jit.compiled import Call, prepare
+from msahl.jit.general import round_up
 from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, EXPONENTIAL
 from msahl.model.settings import INSTANTANEOUS
@@ -99,7 +100,7 @@ def kind_of(model: Model) -> Description:
     system, span = build_system(model), Span(model.simulation.t_final)
     margins = (build_margins(system, order, span) for order in (2, 4))
     beams = system.beams is not None and _is_planar(model, system)
-    return describe((system, *margins, tree_kind(model, system), beams and (True,)))
+    return round_up((describe((system, *margins, tree_kind(model, system), beams and (True,))),))
 
 
 def _is_planar(model: Model, system: System) -> bool:

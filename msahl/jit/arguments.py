@@ -131,21 +131,21 @@ def symbol_of(module: str, name: str, arguments: Sequence[Description]) -> str:
 
 
 class Block:
-    """The arguments of one kind of call in memory: groups for ever, numbers and arrays by call."""
+    """The arguments of one kind of call in memory: groups for ever, numbers and arrays by call.
 
-    def __init__(self, arguments: Sequence[Any]) -> None:
+    ``described`` are the types that the machine code takes: groups without entries for some that
+    are None.
+    """
+
+    def __init__(self, arguments: Sequence[Any], described: Sequence[Description]) -> None:
         self._groups = [value for value in arguments if isinstance(value, tuple)]  # kept alive
         self._changing: list[tuple[int, int, str]] = []  # number of the argument, place, format
         forms: list[str] = []
         numbers: list[Any] = []
         for number, value in enumerate(arguments):
             first = len(forms)
-            if isinstance(value, tuple):
-                of_group, its_numbers = _layout_of(value)
-                forms += of_group
-                numbers += its_numbers
-            else:
-                _lay_out(value, forms, numbers)
+            _lay_out(value, described[number], forms, numbers)
+            if not isinstance(value, tuple):
                 size = struct.calcsize("".join(forms[:first]))
                 place = size + -size % struct.calcsize(forms[first][-1])
                 self._changing.append((number, place, forms[first]))
@@ -164,36 +164,60 @@ class Block:
                 struct.pack_into(form, self.memory, place, 0 if value is None else value)
 
 
-def _lay_out(value: Any, forms: list[str], numbers: list[Any]) -> None:
-    """Append the format, as of ``struct``, and the values of all numbers that stand for an array or
-    a number in memory.
+def _lay_out(value: Any, described: Description, forms: list[str], numbers: list[Any]) -> None:
+    """Append the format, as of ``struct``, and the values of all numbers that stand for an array, a
+    number or a group in memory. The native layout of ``struct`` aligns each number by its own size.
     """
-    if isinstance(value, np.ndarray):
+    if isinstance(value, tuple):
+        own = described == describe(value)
+        of_group, its_numbers = _layout_of(value) if own else _lay_out_members(value, described)
+        forms += of_group
+        numbers += its_numbers
+    elif isinstance(value, np.ndarray):
         forms.append(f"{5 + 2 * value.ndim}q")
         numbers += _array(value)
+    elif value is None and described != NONE:
+        _lay_out_empty(described, forms, numbers)
     else:
         forms.append(_FORMATS[_SCALARS[type(value)]])
         numbers.append(0 if value is None else value)
 
 
-def _lay_out_group(group: tuple[Any, ...]) -> tuple[list[str], list[Any]]:
-    """Return what ``_lay_out`` appends of all members of a group.
-
-    The native layout of ``struct`` aligns each number by its own size.
-    """
+def _lay_out_members(group: tuple[Any, ...], described: Description) -> tuple[list[str], list[Any]]:
+    """Return what ``_lay_out`` appends of all members of a group or tuple."""
     forms: list[str] = []
     numbers: list[Any] = []
-    for value in group:
-        if isinstance(value, tuple):
-            of_group, its_numbers = _layout_of(value)
-            forms += of_group
-            numbers += its_numbers
-        else:
-            _lay_out(value, forms, numbers)
+    for value, one in zip(group, members_of(described), strict=True):
+        _lay_out(value, one, forms, numbers)
     return forms, numbers
 
 
-_layout_of = _OfGroups(_lay_out_group)
+def _lay_out_own(group: tuple[Any, ...]) -> tuple[list[str], list[Any]]:
+    return _lay_out_members(group, describe(group))
+
+
+_layout_of = _OfGroups(_lay_out_own)
+
+
+def members_of(described: Description) -> tuple[Description, ...]:
+    """Return the descriptions of the members of a group or tuple."""
+    assert isinstance(described, tuple)
+    kind, members = described[0], described[-1]
+    return tuple(members) if kind == TUPLE else tuple(one for _, one in members)
+
+
+def _lay_out_empty(described: Description, forms: list[str], numbers: list[Any]) -> None:
+    """Append what ``_lay_out`` would of a group whose arrays have no entries and whose numbers are
+    zero.
+    """
+    if isinstance(described, str):
+        forms.append(_FORMATS[described])
+        numbers.append(0)
+    elif described[0] == ARRAY:
+        _lay_out(np.zeros((0,) * int(described[2]), described[1]), described, forms, numbers)
+    else:
+        for one in members_of(described):
+            _lay_out_empty(one, forms, numbers)
 
 
 def _array(value: np.ndarray) -> tuple[int, ...]:
@@ -222,10 +246,15 @@ class Blocks:
         return found
 
     def add(
-        self, arguments: Sequence[Any], enter: Callable[..., Any]
+        self,
+        arguments: Sequence[Any],
+        described: Sequence[Description],
+        enter: Callable[..., Any],
     ) -> tuple[Block, Callable[..., Any]]:
-        """Return a new block with its function, and keep them for calls to come."""
-        block = Block(arguments)
+        """Return a new block for a function that takes arguments so ``described``, with it, and
+        keep them for calls to come.
+        """
+        block = Block(arguments, described)
         block.update(arguments)
         known = self._known[tuple(map(_identity, arguments))] = block, enter
         if len(self._known) > MOST_BLOCKS:

@@ -14,6 +14,7 @@ from typing import Any
 
 from msahl.jit.arguments import Blocks, describe, symbol_of
 from msahl.jit.files import Files, source_table, user_folder, version_of
+from msahl.jit.general import round_up
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
 from msahl.jit.progress import CompileError, Listener
@@ -69,7 +70,7 @@ class Compiled:
     def unit(self, arguments: Sequence[Any]) -> Unit:
         """Return the function's name with the types of the ``arguments``."""
         described = tuple(describe(argument) for argument in arguments)
-        return self.function.__module__, self.function.__qualname__, described
+        return self.function.__module__, self.function.__qualname__, round_up(described)
 
     def is_ready(self, arguments: Sequence[Any]) -> bool:
         """Whether a block of memory was prepared for calls with these ``arguments``."""
@@ -84,7 +85,7 @@ class Compiled:
             from msahl.jit.loading import entry
 
             self._entries[symbol] = entry(symbol, _loaded[symbol].result)
-        self._blocks.add(arguments, self._entries[symbol])
+        self._blocks.add(arguments, unit[2], self._entries[symbol])
 
     def _compiled_plainly(self, *arguments: Any) -> Any:
         from msahl.jit.plain import plain

@@ -115,7 +115,7 @@ def widest(group: Sliding) -> float:
 @optional()
 def set_width(group: Sliding, width: float) -> None:
     """Let friction be viscous for slips below a ``width`` [m/s]."""
-    group.width[0] = width
+    group.width[:] = width
 
 
 @kernel

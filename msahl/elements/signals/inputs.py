@@ -80,7 +80,7 @@ def save_state(
     """Save the time, the auxiliary ``state`` (n,) and the joints' ``reaction`` (j, 6) of a
     configuration.
     """
-    start.time[0] = time
+    start.time[:] = time
     for k in range(state.size):
         start.state[k] = state[k]
     save_reactions(group, start, reaction)
@@ -89,7 +89,7 @@ def save_state(
 @optional()
 def save_reactions(group: Signals, start: SignalsWorkspace, reaction: np.ndarray) -> None:
     """Save the joints' ``reaction`` (j, 6) of the accepted step before."""
-    for j in range(reaction.shape[0]):
+    for j in range(start.reaction.shape[0]):
         for i in range(6):
             start.reaction[j, i] = reaction[j, i]
 
