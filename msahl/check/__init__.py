@@ -14,6 +14,7 @@ from msahl.check.beams import beam_findings
 from msahl.check.bodies import body_findings
 from msahl.check.contacts import contact_findings, overlap_findings
 from msahl.check.context import INERTIAL, Context, add_values, context_of
+from msahl.check.elastic import elastic_findings
 from msahl.check.ends import is_placed
 from msahl.check.events import event_findings, switchable_findings
 from msahl.check.faults import Fault, Finding, ModelError, number_findings
@@ -55,6 +56,8 @@ def check(model: Model) -> list[Fault]:
     bodies = {body.name: body for body in model.bodies}
     for beam in model.beams:
         found += _faults("beam", beam.name, _beam(beam, bodies))
+    for elastic in model.elastic_bodies:
+        found += _faults("body", elastic.name, elastic_findings(elastic, bodies))
     for shape in model.shapes:
         found += _faults("body", shape.body, _shape(shape, context))
     for joint in model.joints:
@@ -125,6 +128,7 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     others += [("load", element) for element in model.loads]
     others += [("signal", element) for element in model.signals]
     others += [("beam", element) for element in model.beams]
+    others += [("elastic body", element) for element in model.elastic_bodies]
     for elements, reserved in ((bodies, ()), (others, RESERVED)):
         names = [element.name for _, element in elements]
         kinds = [kind for kind, _ in elements]
