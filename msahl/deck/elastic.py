@@ -117,16 +117,19 @@ def _part(name: str, row: np.ndarray, q: int) -> Part:
 
 
 def _damping(element: Element, parts: Parts, reader: Reader) -> np.ndarray:
-    """Return the damping with that of the ``<dampingRatio>``: 2 zeta sqrt(k m) of each mode."""
-    given = element.find("dampingRatio")
-    ratio = reader.number(given)
-    if given is None:
-        return parts.damping
-    if ratio < 0.0:
-        reader.faults.add(given, "it is less than zero; give zero or more")
-    modal = np.array([_modal_mass(parts, j) for j in range(parts.stiffness.size)])
-    result: np.ndarray = parts.damping + 2.0 * ratio * np.sqrt(parts.stiffness * modal)
-    return result
+    """Return the damping with that of the ``<dampingRatio>`` zeta, 2 zeta sqrt(k m) of each mode,
+    and that of the ``<dampingTime>`` tau, tau k."""
+    given = [element.find(tag) for tag in ("dampingRatio", "dampingTime")]
+    ratio, tau = (reader.number(e, q) for e, q in zip(given, ("", "time"), strict=True))
+    for one, value in zip(given, (ratio, tau), strict=True):
+        if one is not None and value < 0.0:
+            reader.faults.add(one, "it is less than zero; give zero or more")
+    k = parts.stiffness
+    damping = parts.damping + tau * k
+    if ratio > 0.0:
+        modal = np.array([_modal_mass(parts, j) for j in range(k.size)])
+        damping = damping + 2.0 * ratio * np.sqrt(k * modal)
+    return damping
 
 
 def _modal_mass(parts: Parts, j: int) -> float:

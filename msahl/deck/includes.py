@@ -65,6 +65,8 @@ def merge_parts(root: Element, path: Path, faults: Faults, parts: Parts) -> None
     for element in root.iterfind(f"{BODIES}/elasticBody"):
         if element.get("file") and element.find("modes") is None and faults.sound(element):
             _read_elastic_body(element, work, faults)
+            if not faults.sound(element):  # its bodies would be unknown everywhere
+                faults.raise_if_any()
 
 
 def _read_elastic_body(element: Element, work: _Work, faults: Faults) -> None:
