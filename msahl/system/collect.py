@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from msahl.algebra.functions import Law
-from msahl.algebra.vector import IDENTITY, ZERO, Vector, cross, dot, scale, sub
+from msahl.algebra.vector import IDENTITY, ZERO, Vector, add, cross, dot, scale, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
 from msahl.elements.constraints import contact_points
@@ -80,6 +80,8 @@ from msahl.model.motions import JointMotion, PointMotion
 from msahl.ports.coordinate import NO_JOINT, OWN_TENSION
 from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
+FAR = 10.0
+"""Arms of amplitudes, by the farthest point of the body: what places in inertial axes may be."""
 IDLE = Law("constant", (0.0,))
 """Law of time of prescribed motions that are released; the last law of a system with events."""
 
@@ -460,8 +462,9 @@ class _Collector:
         behind all other elements, and the springs along the amplitudes.
         """
         pairs = [self._following(body, follower) for follower in body.followers]
+        far = FAR * max(math.dist(one.place, ZERO) for one in body.followers)
         along = [
-            self._add(in_plane(IDENTITY[j % AXES]).first, pairs[j // AXES])
+            self._add(in_plane(IDENTITY[j % AXES]).first, _beyond(pairs[j // AXES], j % AXES, far))
             for j in range(len(body.stiffness))
         ]
         for k, (follower, pair) in enumerate(zip(body.followers, pairs, strict=True)):
@@ -579,6 +582,13 @@ class _Collector:
     def _decay(self, stiffness: float) -> float:
         """Return chi/2 k of a spring."""
         return 0.5 * resolve(self.model.simulation).decay.chi * stiffness
+
+
+def _beyond(pair: Pair, axis: int, far: float) -> Pair:
+    """Return the points farther along an axis of both bodies, which have the same axes: the same
+    displacement along it, for whose round-off schemes allow by the size of these arms [m]."""
+    offset = scale(far, IDENTITY[axis])
+    return pair._replace(s_a=add(pair.s_a, offset), s_b=add(pair.s_b, offset))
 
 
 def rotation_about(axis: int) -> Equation:
