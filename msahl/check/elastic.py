@@ -32,7 +32,7 @@ def _findings(body: ElasticBody) -> Iterator[Finding]:
         return
     for follower in body.followers:
         yield from number_findings(follower)
-        if any(len(row) != q for row in (*follower.shape, *follower.turn)):
+        if any(len(row) != q for row in (*follower.shape, *follower.rotation)):
             message = f"'{follower.body}' does not have a shape for each of {q} amplitudes"
             yield Finding("followers", f"{message}; correct it")
             return

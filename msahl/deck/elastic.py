@@ -112,8 +112,8 @@ def _values(modes: Element, tag: str) -> list[np.ndarray]:
 def _part(name: str, row: np.ndarray, q: int) -> Part:
     shapes = np.zeros(6 * q)
     shapes[: row.size - FRAME] = row[FRAME:]
-    shape, turn = shapes.reshape(2, 3, q)
-    return Part(name, float(row[0]), float(row[1]), row[2:FRAME], shape, turn)
+    shape, rotation = shapes.reshape(2, 3, q)
+    return Part(name, float(row[0]), float(row[1]), row[2:FRAME], shape, rotation)
 
 
 def _damping(element: Element, parts: Parts, reader: Reader) -> np.ndarray:
@@ -135,7 +135,7 @@ def _damping(element: Element, parts: Parts, reader: Reader) -> np.ndarray:
 def _modal_mass(parts: Parts, j: int) -> float:
     """Return the modal mass of an amplitude [kg], which is what all bodies have of it."""
     squares = (
-        p.mass * p.shape[:, j] @ p.shape[:, j] + p.inertia * p.turn[:, j] @ p.turn[:, j]
+        p.mass * p.shape[:, j] @ p.shape[:, j] + p.inertia * p.rotation[:, j] @ p.rotation[:, j]
         for p in parts.bodies
     )
     return float(sum(squares))
@@ -186,9 +186,7 @@ def _moved(
     )
 
 
-def write_elastic_body(
-    element: Element, body: ElasticBody, bodies: Sequence[RigidBody]
-) -> None:
+def write_elastic_body(element: Element, body: ElasticBody, bodies: Sequence[RigidBody]) -> None:
     """Write an ``<elasticBody>`` with all its numbers; ``bodies`` are the frame and followers."""
     child(element, "name", body.name)
     modes = child(element, "modes")
@@ -211,5 +209,5 @@ def _parts_of(body: ElasticBody, bodies: Sequence[RigidBody]) -> Iterator[Part]:
     yield Part("", frame.mass, frame.inertia[0][0], np.array(frame.r_BG), nothing, nothing)
     for one, follower in zip(others, body.followers, strict=True):
         name = follower.body.removeprefix(f"{body.name}.")
-        arrays = map(np.array, (follower.place, follower.shape, follower.turn))
+        arrays = map(np.array, (follower.place, follower.shape, follower.rotation))
         yield Part(name, one.mass, one.inertia[0][0], *arrays)

@@ -82,7 +82,7 @@ def write_part(modes: Element, part: Part) -> None:
     """Add a body of an elastic one to ``<modes>``: the frame without a name, or a follower."""
     values = [part.mass, part.inertia, *part.place]
     if part.name:
-        values += [*part.shape.ravel(), *(part.turn.ravel() if part.turn.any() else ())]
+        values += [*part.shape.ravel(), *(part.rotation.ravel() if part.rotation.any() else ())]
     numbers(modes, "follower" if part.name else "frame", values).attrib.update(
         {"name": part.name} if part.name else {}
     )

@@ -55,7 +55,8 @@ class _Work:
 
 def merge_parts(root: Element, path: Path, faults: Faults, parts: Parts) -> None:
     """Replace ``<includes>`` in the tree of the deck at ``path`` by the contents of the parts, and
-    put the numbers of their files into elastic bodies; raises ``DeckError`` with all faults if one cannot be read.
+    put the numbers of their files into elastic bodies; raises ``DeckError`` with all faults if one
+    cannot be read.
 
     Files are taken from ``parts`` if they are there, and put there when they are read.
     """
@@ -122,9 +123,7 @@ def _merge(root: Element, include: Element, work: _Work, faults: Faults) -> None
     _move(part, root, str(file), faults)
 
 
-def _file(
-    include: Element, key: str, example: str, work: _Work, faults: Faults
-) -> Path | None:
+def _file(include: Element, key: str, example: str, work: _Work, faults: Faults) -> Path | None:
     """Return the path of the file that an attribute names; None with a fault."""
     href = attribute(include, key)
     parts = PurePosixPath(href).parts

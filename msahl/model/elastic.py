@@ -21,13 +21,13 @@ AXES = 3
 @record
 class Follower:
     """A rigid body that follows a frame: ``place`` x of its point B from the frame's [m], in the
-    axes of the frame; ``shape`` phi [m/m] and ``turn`` theta [1/m], rows x, y, z by amplitudes.
+    axes of the frame; ``shape`` phi [m/m] and ``rotation`` theta [1/m], rows x, y, z by amplitudes.
     """
 
     body: str
     place: Vector
     shape: Rows
-    turn: Rows
+    rotation: Rows
 
 
 @record

@@ -24,7 +24,7 @@ class Part(NamedTuple):
     inertia: float  # about all axes [kg m^2]
     place: np.ndarray
     shape: np.ndarray
-    turn: np.ndarray
+    rotation: np.ndarray
 
 
 class Parts(NamedTuple):
@@ -67,7 +67,7 @@ def parts_of(name: str, body: ReducedBody) -> Parts:
 def _parts(names: Sequence[str], masses: Masses, centre: np.ndarray) -> list[Part]:
     each = zip(names, masses.mass, masses.inertia, strict=True)
     return [
-        Part(one, float(m), float(J), centre + masses.place[k], masses.shape[k], masses.turn[k])
+        Part(one, float(m), float(J), centre + masses.place[k], masses.shape[k], masses.rotation[k])
         for k, (one, m, J) in enumerate(each)
     ]
 
@@ -83,7 +83,9 @@ def build_elastic_body(parts: Parts, start: Start) -> tuple[ElasticBody, tuple[R
     frame, *followers = parts.bodies
     body = ElasticBody(
         frame.name,
-        tuple(Follower(p.name, _vector(p.place), _rows(p.shape), _rows(p.turn)) for p in followers),
+        tuple(
+            Follower(p.name, _vector(p.place), _rows(p.shape), _rows(p.rotation)) for p in followers
+        ),
         tuple(parts.stiffness.tolist()),
         tuple(parts.damping.tolist()),
     )
@@ -99,7 +101,7 @@ def _follower(part: Part, start: Start) -> RigidBody:
     R, w = np.array(matrix(start.orientation)), np.array(start.angular_velocity)
     place = part.place + part.shape @ start.amplitude
     speed = np.array(start.velocity) + np.cross(w, place) + part.shape @ start.rate
-    q, q_dot = _rotation(part.turn @ start.amplitude, part.turn @ start.rate)
+    q, q_dot = _rotation(part.rotation @ start.amplitude, part.rotation @ start.rate)
     angle = float(np.linalg.norm(q))
     own = from_axis_angle(_vector(q), angle) if angle > 0.0 else ZERO
     A = np.array(matrix(own)).T

@@ -9,8 +9,8 @@ more of the mass than its second moments by c = (1, x, phi_1, ..., phi_q):
 S = L L^T gives particles, L rotated so that the first entries of its columns are alike: equal
 masses, as many as the rank of S. Bodies that carry joints and amplitudes take a small ``SHARE`` of
 the mass beforehand (``carriers``). Beams have modes, as torsion, whose inertia is that of rotations
-of sections, and no masses on their line have it: what is left is then replaced by the nearest S that
-is possible and has the same mass, inertia, first moments, couplings of rates (translation,
+of sections, and no masses on their line have it: what is left is then replaced by the nearest S
+that is possible and has the same mass, inertia, first moments, couplings of rates (translation,
 rotation) and modal masses. ``deviation`` is by how much the other entries of S differ.
 
 Amplitudes a_j are in metres, the largest displacement of a node. Sources: Wittenburg, Dynamics of
@@ -44,7 +44,7 @@ class Masses:
 
     place: np.ndarray
     shape: np.ndarray
-    turn: np.ndarray
+    rotation: np.ndarray
     mass: np.ndarray
     inertia: np.ndarray
 
@@ -69,7 +69,7 @@ def particles(body: ReducedBody) -> Particles:
     modal = scale**2
     frame, amplitudes, nodes = carriers(body, scale)
     spin = SHARE * np.trace(body.invariants.inertia) / (3.0 * (4 + 3 * q))
-    taken = sum(_moments_of(one) for one in (frame, amplitudes, nodes))
+    taken = _moments_of(frame) + _moments_of(amplitudes) + _moments_of(nodes)
     taken[1:4, 1:4] += 0.5 * spin * (4 + 3 * q) * np.eye(3)
     units = _units(S, modal)
     wanted = (S - taken) / np.outer(units, units)
@@ -114,13 +114,13 @@ def carriers(body: ReducedBody, scale: np.ndarray) -> tuple[Masses, Masses, Mass
     least = np.array([modal[3 * k : 3 * k + 3].min() for k in range(count)])
     zero = np.zeros((count, 3))
     amplitudes = Masses(zero, shape, 0.0 * shape, SHARE * least, np.full(count, SHARE * inertia))
-    moved, turned = (body.interface_shapes[:, part] * scale for part in (slice(3), slice(3, 6)))
+    moved, rotated = (body.interface_shapes[:, part] * scale for part in (slice(3), slice(3, 6)))
     nodes = Masses(
         body.interface_places,
         moved,
-        turned * body.interface_rotates[:, None, None],
+        rotated * body.interface_rotates[:, None, None],
         SHARE * np.minimum(mass, _lowest(modal, moved)),
-        SHARE * np.minimum(inertia, _lowest(modal, turned)),
+        SHARE * np.minimum(inertia, _lowest(modal, rotated)),
     )
     return frame, amplitudes, nodes
 
@@ -129,9 +129,9 @@ def _scale(body: ReducedBody) -> np.ndarray:
     """Return the amplitudes (q,) of unit modal mass at which a node moves by a metre at most."""
     moved = np.concatenate([body.node_shapes, body.interface_shapes[:, :3]])
     largest: np.ndarray = np.sqrt((moved**2).sum(axis=1)).max(axis=0)
-    turned = np.sqrt((body.interface_shapes[:, 3:] ** 2).sum(axis=1)).max(axis=0)
+    rotated = np.sqrt((body.interface_shapes[:, 3:] ** 2).sum(axis=1)).max(axis=0)
     size = np.sqrt(np.trace(body.invariants.inertia) / body.invariants.mass)
-    return 1.0 / np.maximum(largest, 1e-3 * size * turned)
+    return 1.0 / np.maximum(largest, 1e-3 * size * rotated)
 
 
 def _lowest(modal: np.ndarray, shapes: np.ndarray) -> np.ndarray:
@@ -155,7 +155,7 @@ def _moments_of(bodies: Masses) -> np.ndarray:
     rows = np.hstack([np.ones((count, 1)), bodies.place, moved])
     S = np.einsum("b,bi,bj->ij", bodies.mass, rows, rows)
     for axis in np.eye(3):
-        around = np.cross(bodies.turn.transpose(0, 2, 1), axis).reshape(count, 3 * q)
+        around = np.cross(bodies.rotation.transpose(0, 2, 1), axis).reshape(count, 3 * q)
         rows = np.hstack([np.zeros((count, 1)), np.tile(axis, (count, 1)), around])
         S += np.einsum("b,bi,bj->ij", 0.5 * bodies.inertia, rows, rows)
     result: np.ndarray = S
@@ -170,7 +170,7 @@ def _units(S: np.ndarray, modal: np.ndarray) -> np.ndarray:
 
 def _nearest(wanted: np.ndarray) -> np.ndarray:
     """Return the possible S nearest to the ``wanted`` one whose exact entries are the same, nearly:
-    projections on both sets in turn, with Dykstra's corrections."""
+    projections on both sets in rotation, with Dykstra's corrections."""
     S, correction = wanted, np.zeros_like(wanted)
     for _ in range(MOST_STEPS):
         given = S + correction
@@ -207,7 +207,7 @@ def _factor(S: np.ndarray) -> np.ndarray:
 
 
 def _corrected(L: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return L with the exact entries of L L^T as ``wanted``: each group of rows in turn."""
+    """Return L with the exact entries of L L^T as ``wanted``: each group of rows in rotation."""
     q = (len(L) - 4) // 3
     target = np.trace(wanted[4:, 4:].reshape(q, 3, q, 3), axis1=1, axis2=3)
     rigid = _congruent(L[:4] @ L[:4].T, wanted[:4, :4]) @ L[:4]

@@ -472,11 +472,12 @@ class _Collector:
                 if k >= body.carriers or AXES * k + axis >= len(along):
                     place = in_plane(IDENTITY[axis])
                     self._follow(place, pair, follower.shape[axis], along)
-                self._follow(rotation_about(axis), pair, follower.turn[axis], along)
+                self._follow(rotation_about(axis), pair, follower.rotation[axis], along)
             self.unknown += 1
-        for q, k, c in zip(along, body.stiffness, body.damping, strict=True):
-            parameters = (("preload", 0.0), ("stiffness", k))
-            entry = CoordinateEntry(SPRING, q, parameters, column, damping=c, decay=self._decay(k))
+        for q, stiffness, damping in zip(along, body.stiffness, body.damping, strict=True):
+            parameters = (("preload", 0.0), ("stiffness", stiffness))
+            decay = self._decay(stiffness)
+            entry = CoordinateEntry(SPRING, q, parameters, column, damping=damping, decay=decay)
             self.elements.along.append(entry)
 
     def _following(self, body: ElasticBody, follower: Follower) -> Pair:

@@ -228,8 +228,8 @@ def drop_rows(system: System, held: np.ndarray) -> System:
     rows, group = scalar.equations, scalar.coordinates
     kept = np.flatnonzero(~held)
     acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_needed(system.forces))
-    acting += () if scalar.sums is None else (scalar.sums.coordinate,)
-    numbers = np.concatenate(acting)
+    further = sums.coordinates_of(scalar.sums)
+    numbers = np.concatenate([*acting, further])
     used = np.flatnonzero(np.bincount(numbers[numbers >= 0]))
     coords, number = coordinate_subset(group, used)
     fewer = ConstraintEquations(*(array[kept] for array in rows))

@@ -16,12 +16,12 @@ from tests.support.elastic import (
 )
 from tests.support.models import simulate
 
-SPINNING = dict(
-    position=(0.1, -0.2, 0.3),
-    orientation=(0.3, 0.5, -0.2),
-    velocity=(0.4, 1.0, -0.3),
-    angular_velocity=(20.0, 35.0, -15.0),
-)
+SPINNING = {
+    "position": (0.1, -0.2, 0.3),
+    "orientation": (0.3, 0.5, -0.2),
+    "velocity": (0.4, 1.0, -0.3),
+    "angular_velocity": (20.0, 35.0, -15.0),
+}
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +50,9 @@ def amplitudes(result):
     frame = result.matrices(0)
     columns = []
     for carrier, axis in elastic.amplitudes:
-        follower = elastic.followers[next(
-            k for k, one in enumerate(elastic.followers) if one.body == carrier
-        )]
+        follower = elastic.followers[
+            next(k for k, one in enumerate(elastic.followers) if one.body == carrier)
+        ]
         moved = result.of("position", names.index(carrier)) - result.of("position", 0)
         own = np.einsum("tij,ti->tj", frame, moved) - follower.place
         columns.append(own[:, axis])
@@ -119,8 +119,8 @@ def test_order_against_the_equations_of_the_floating_frame(body, scheme, order, 
     for part in (1, 2):
         result = simulate(elastic_model(body, start, dt / part, t_final), scheme=scheme)
         place = result.of("position", 0)[-1] + result.matrices(0)[-1] @ body.centre
-        turned = np.abs(result.matrices(0)[-1] - R[-1].as_matrix()).max()
-        errors.append(np.r_[np.abs(place - x[-1]).max(), turned,
+        rotated = np.abs(result.matrices(0)[-1] - R[-1].as_matrix()).max()
+        errors.append(np.r_[np.abs(place - x[-1]).max(), rotated,
                             np.abs(amplitudes(result)[-1] - a[-1]).max()])  # fmt: skip
     slope = np.log2(np.array(errors[0]) / errors[1])
     # Of coarse steps, which the highest modes take with some radians, the order is not yet exact.

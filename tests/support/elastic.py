@@ -49,13 +49,13 @@ def invariants_of_particles(body):
     found = particles(body)
     rows = []
     for group in (found.frame, found.amplitudes, found.nodes, found.points):
-        for place, shape, turn, mass, inertia in zip(
-            group.place, group.shape, group.turn, group.mass, group.inertia, strict=True
+        for place, shape, rotation, mass, inertia in zip(
+            group.place, group.shape, group.rotation, group.mass, group.inertia, strict=True
         ):
             rows.append((mass, place, shape))
             # Points at +-1 along each axis, of inertia/4 each, without the mass at their middle.
             for axis in np.eye(3):
-                arm = np.cross(turn.T, axis).T
+                arm = np.cross(rotation.T, axis).T
                 rows += [(inertia / 4, place + s * axis, shape + s * arm) for s in (1, -1)]
                 rows.append((-inertia / 2, place, shape))
     m = np.array([row[0] for row in rows])
@@ -105,7 +105,7 @@ def integrate(body, given, modal, start, times):
     momentum = mass_matrix(given, modal, q) @ np.r_[v, w, rate]
 
     def slope(_, y):
-        quaternion, momentum, q = y[3:7], y[7:13 + n], y[13 + n:]
+        quaternion, momentum, q = y[3:7], y[7 : 13 + n], y[13 + n :]
         R = Rotation.from_quat(quaternion)
         u = np.linalg.solve(mass_matrix(given, modal, q), momentum)
         v, w, rate = u[:3], u[3:6], u[6:]
@@ -118,16 +118,16 @@ def integrate(body, given, modal, start, times):
             + np.einsum("i,ijk,k->j", w, given.gyration, rate)
         )
         a, b, c, d = quaternion
-        turned = 0.5 * np.array(
+        rotated = 0.5 * np.array(
             [d * w[0] + b * w[2] - c * w[1], d * w[1] + c * w[0] - a * w[2],
              d * w[2] + a * w[1] - b * w[0], -a * w[0] - b * w[1] - c * w[2]]
         )  # fmt: skip
         forces = np.r_[-np.cross(w, p), -np.cross(w, L) - np.cross(v, p)]
-        return np.r_[R.apply(v), turned, forces, by_q - body.eigenvalues * q, rate]
+        return np.r_[R.apply(v), rotated, forces, by_q - body.eigenvalues * q, rate]
 
     y0 = np.r_[x, R.as_quat(), momentum, q]
     found = solve_ivp(slope, (0.0, times[-1]), y0, "DOP853", times, rtol=1e-13, atol=1e-14)
-    return found.y[:3].T, Rotation.from_quat(found.y[3:7].T), found.y[13 + n:].T / scale
+    return found.y[:3].T, Rotation.from_quat(found.y[3:7].T), found.y[13 + n :].T / scale
 
 
 def _matrix(p):

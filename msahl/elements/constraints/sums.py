@@ -1,6 +1,6 @@
 """Further terms of scalar constraint equations: sums over more than two coordinates.
 
-    c_1 q_1 + c_2 q_2 + sum_s w_s q_s = offset        as in ``equations``, with as many terms as wanted
+    c_1 q_1 + c_2 q_2 + sum_s w_s q_s = offset        as in ``equations``, and more terms
 
 Each term belongs to one equation and has a weight w. The load along q_s is lam w_s, so that the
 forces of an equation do no work over a step, as with the first two terms. A system whose equations
@@ -28,6 +28,11 @@ class Sums(NamedTuple):
     weight: np.ndarray  # (s,)
     force_block: np.ndarray  # (s, 4) starts of the blocks of the coordinate's parts by the node
     constraint_block: np.ndarray  # (s, 4) and of the node by the parts
+
+
+def coordinates_of(sums: Sums | None) -> np.ndarray:
+    """(s,) coordinates of all terms; of no terms an empty array."""
+    return np.zeros(0, dtype=np.int64) if sums is None else sums.coordinate
 
 
 def fewer(sums: Sums | None, kept: np.ndarray, number: np.ndarray) -> Sums | None:
