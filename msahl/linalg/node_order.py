@@ -8,10 +8,11 @@ that act on it, then rotation, then the multipliers that depend on rotations onl
 then 1, the share of the joint's mass, and an inertia about the joint. So a link leaves its
 neighbour only the joint between them, and costs the same on whichever side of it the ground is. A
 body that a force holds to another leaves that one in any case and goes with a joint at once. Joints
-that close loops, and couplings, go after all their bodies. A body that follows others goes with its equations at once, which leave
-its inertia to these. An element of a beam goes after all its nodes but one, which leaves that one the rest of the beam, or after all where other elements have
-gone with some of them: equations of rigid strains are independent in nodes that are free. So in
-systems with beams all that the ground holds goes last.
+that close loops, and couplings, go after all their bodies. A body that follows others goes with its
+equations at once, which leave its inertia to these. An element of a beam goes after all its nodes
+but one, which leaves that one the rest of the beam, or after all where other elements have gone
+with some of them: equations of rigid strains are independent in nodes that are free. So in systems
+with beams all that the ground holds goes last.
 
 **By elements**, in large systems with many closed loops. All bodies are eliminated first, which
 leaves the matrix G M^-1 G^T of the constraints: positive definite if these are independent, so any
