@@ -51,15 +51,7 @@ def check(model: Model) -> list[Fault]:
     if not model.bodies:
         found.append(Fault("", "", "", "nothing in the model moves; add a rigid body"))
     found += _faults("", "", _gravity_findings(model))
-    for body in model.bodies:
-        found += _element_faults("body", body, context, [_body])
-    bodies = {body.name: body for body in model.bodies}
-    for beam in model.beams:
-        found += _faults("beam", beam.name, _beam(beam, bodies))
-    for elastic in model.elastic_bodies:
-        found += _faults("body", elastic.name, elastic_findings(elastic, bodies))
-    for shape in model.shapes:
-        found += _faults("body", shape.body, _shape(shape, context))
+    found += _body_faults(model, context)
     for joint in model.joints:
         found += _element_faults("joint", joint, context, [_kind, joint_findings, _fit])
     for coupling in model.couplings:
@@ -91,6 +83,21 @@ def check(model: Model) -> list[Fault]:
     found += [Fault("signal", name, "", message) for name, message in circle_findings(signals)]
     run = [*simulation_findings(model.simulation), *start_findings(model)]
     return found + _faults("simulation", "", run)
+
+
+def _body_faults(model: Model, context: Context) -> list[Fault]:
+    """Return the faults of bodies, beams, elastic bodies and shapes."""
+    found: list[Fault] = []
+    for body in model.bodies:
+        found += _element_faults("body", body, context, [_body])
+    bodies = {body.name: body for body in model.bodies}
+    for beam in model.beams:
+        found += _faults("beam", beam.name, _beam(beam, bodies))
+    for elastic in model.elastic_bodies:
+        found += _faults("body", elastic.name, elastic_findings(elastic, bodies))
+    for shape in model.shapes:
+        found += _faults("body", shape.body, _shape(shape, context))
+    return found
 
 
 def require_sound(model: Model) -> None:

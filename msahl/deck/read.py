@@ -170,8 +170,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     context = Context(project=assembly.position == "project", released=released)
     reader = Reader(_unit_system(root), faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
-    for groups in ONE_NAME:
-        _check_names(root, groups, faults)
+    _check_names(root, faults)
     beams, elastic, alike = _place_all(root, sound["bodies"], reader)
     bodies = _read_bodies(sound["bodies"], alike, reader)
     beams += _read_beams_of_bodies(sound["bodies"], reader)
@@ -387,13 +386,20 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
     return [element for element in elements if faults.sound(element)]
 
 
-def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
+def _check_names(root: Element, faults: Faults) -> None:
     """Add a fault for every name that is taken within its groups or cannot head a column."""
+    for groups in ONE_NAME:
+        _check_names_of(groups, root, faults)
+
+
+def _check_names_of(groups: Collection[str], root: Element, faults: Faults) -> None:
+    """Check the names of ``groups`` that share one set of names."""
     records = [record for group in groups for record in root.iterfind(f"system/{group}/*")]
-    if "loads" in groups:  # beams have columns beside those of loads in work.csv
+    if "loads" in groups:  # elastic elements have columns beside those of loads in work.csv
         records += [
             *root.iterfind("system/bodies/beam"),
             *root.iterfind("system/bodies/beamOfBodies"),
+            *root.iterfind("system/bodies/elasticBody"),
         ]
     labels = [label for record in records if (label := _label(record)) is not None]
     names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]

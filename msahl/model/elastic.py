@@ -56,3 +56,8 @@ class ElasticBody:
         """The body that carries each amplitude, and the axis of the frame along which it moves."""
         count = range(len(self.stiffness))
         return tuple((self.followers[j // AXES].body, j % AXES) for j in count)
+
+
+def node_places(body: ElasticBody) -> list[Vector]:
+    """Return where the nodes of the interface are in the frame [m]: what follows it and rotates."""
+    return [one.place for one in body.followers if any(map(any, one.rotation))]

@@ -284,7 +284,7 @@ def free_acceleration(
             total += rows.coefficient[r, side] * second
         node, slot = place_of(rows, frames, r)
         F[node, slot] = -rows.scale[r] * total
-    sums.add_free_acceleration(scalar.sums, rows, scalar.coordinates, q_start, frames, v, W, F)
+    sums.add_free_acceleration(scalar.sums, rows, scalar.coordinates, q_start, frames, (v, W), F)
 
 
 @optional()

@@ -114,11 +114,13 @@ def add_free_acceleration(
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
+    rates: tuple[np.ndarray, np.ndarray],
     F: np.ndarray,
 ) -> None:
-    """Add minus the terms' second derivatives at zero accelerations to the constraint equations."""
+    """Add minus the terms' second derivatives at zero accelerations to the constraint equations;
+    ``rates`` are v and W (f, 3).
+    """
+    v, W = rates
     for s in range(sums.row.size):
         node, slot = place_of(rows, frames, sums.row[s])
         second = coordinate_acceleration(coords, start, v, W, sums.coordinate[s])
