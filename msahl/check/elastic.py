@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 
 from msahl.check.faults import Finding, number_findings
 from msahl.check.names import unresolved
-from msahl.model.elastic import ElasticBody
+from msahl.model.elastic import AXES, ElasticBody
 
 
 def elastic_findings(body: ElasticBody, bodies: Collection[str]) -> Iterator[Finding]:
@@ -13,15 +13,10 @@ def elastic_findings(body: ElasticBody, bodies: Collection[str]) -> Iterator[Fin
         if name not in bodies:
             yield Finding("followers", unresolved("follower", name, "body", bodies))
             return
-    for number in (body.stiffness, body.damping):
-        yield from number_findings_of(number)
+    for numbers in (body.stiffness, body.damping):
+        if min(numbers, default=0.0) < 0.0:
+            yield Finding("", f"{min(numbers):g} is less than zero; give stiffness and damping")
     yield from _findings(body)
-
-
-def number_findings_of(numbers: tuple[float, ...]) -> Iterator[Finding]:
-    """Find a stiffness or damping that is less than zero."""
-    if min(numbers, default=0.0) < 0.0:
-        yield Finding("", f"{min(numbers):g} is less than zero; no mode takes or gives energy so")
 
 
 def _findings(body: ElasticBody) -> Iterator[Finding]:
@@ -37,7 +32,7 @@ def _findings(body: ElasticBody) -> Iterator[Finding]:
             yield Finding("followers", f"{message}; correct it")
             return
     for j, (_, axis) in enumerate(body.amplitudes):
-        row = body.followers[j // 3].shape[axis]
+        row = body.followers[j // AXES].shape[axis]
         if row[j] != 1.0 or any(value for k, value in enumerate(row) if k != j):
             yield Finding("followers", f"amplitude {j + 1} is not the displacement of its carrier")
             return

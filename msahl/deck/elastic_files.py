@@ -11,19 +11,16 @@ import numpy as np
 
 from msahl.check.names import FORBIDDEN
 from msahl.deck.elements import child, numbers
-from msahl.deck.faults import DeckError, Element, Faults, attribute, text
+from msahl.deck.faults import DeckError, Element, Faults, attribute
 from msahl.deck.parse import read_bytes
 from msahl.reduction.body import ReducedBody, read_body_bytes
 from msahl.reduction.faults import ReductionError
 from msahl.reduction.followers import Part, Parts, parts_of
 from msahl.reduction.reduce import MEAN
 
-ELASTIC = "system/bodies/elasticBody"
 COUPLED = 1e-9
 """Damping between two modes, by that of both, that is round-off."""
 MOST_MODES = 200
-MOST_DEVIATION = 0.1
-"""Deviation of the inertia (``reduction.particles``) up to which a body is accepted."""
 
 
 def read_elastic_file(element: Element, path: Path, data: bytes | None, faults: Faults) -> bytes:
@@ -86,13 +83,3 @@ def write_part(modes: Element, part: Part) -> None:
     numbers(modes, "follower" if part.name else "frame", values).attrib.update(
         {"name": part.name} if part.name else {}
     )
-
-
-def wants_file(element: Element) -> bool:
-    """Return whether the numbers of an ``<elasticBody>`` are still in its file."""
-    return element.find("modes") is None and bool(attribute(element, "file"))
-
-
-def label_of(element: Element) -> str:
-    """Return the name of an ``<elasticBody>``."""
-    return text(element.find("name"))
