@@ -14,6 +14,7 @@ from msahl.check.beams import beam_findings
 from msahl.check.bodies import body_findings
 from msahl.check.contacts import contact_findings, overlap_findings
 from msahl.check.context import INERTIAL, Context, add_values, context_of
+from msahl.check.elastic import elastic_findings
 from msahl.check.ends import is_placed
 from msahl.check.events import event_findings, switchable_findings
 from msahl.check.faults import Fault, Finding, ModelError, number_findings
@@ -50,13 +51,7 @@ def check(model: Model) -> list[Fault]:
     if not model.bodies:
         found.append(Fault("", "", "", "nothing in the model moves; add a rigid body"))
     found += _faults("", "", _gravity_findings(model))
-    for body in model.bodies:
-        found += _element_faults("body", body, context, [_body])
-    bodies = {body.name: body for body in model.bodies}
-    for beam in model.beams:
-        found += _faults("beam", beam.name, _beam(beam, bodies))
-    for shape in model.shapes:
-        found += _faults("body", shape.body, _shape(shape, context))
+    found += _body_faults(model, context)
     for joint in model.joints:
         found += _element_faults("joint", joint, context, [_kind, joint_findings, _fit])
     for coupling in model.couplings:
@@ -88,6 +83,21 @@ def check(model: Model) -> list[Fault]:
     found += [Fault("signal", name, "", message) for name, message in circle_findings(signals)]
     run = [*simulation_findings(model.simulation), *start_findings(model)]
     return found + _faults("simulation", "", run)
+
+
+def _body_faults(model: Model, context: Context) -> list[Fault]:
+    """Return the faults of bodies, beams, elastic bodies and shapes."""
+    found: list[Fault] = []
+    for body in model.bodies:
+        found += _element_faults("body", body, context, [_body])
+    bodies = {body.name: body for body in model.bodies}
+    for beam in model.beams:
+        found += _faults("beam", beam.name, _beam(beam, bodies))
+    for elastic in model.elastic_bodies:
+        found += _faults("body", elastic.name, elastic_findings(elastic, bodies))
+    for shape in model.shapes:
+        found += _faults("body", shape.body, _shape(shape, context))
+    return found
 
 
 def require_sound(model: Model) -> None:
@@ -125,6 +135,7 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     others += [("load", element) for element in model.loads]
     others += [("signal", element) for element in model.signals]
     others += [("beam", element) for element in model.beams]
+    others += [("elastic body", element) for element in model.elastic_bodies]
     for elements, reserved in ((bodies, ()), (others, RESERVED)):
         names = [element.name for _, element in elements]
         kinds = [kind for kind, _ in elements]

@@ -33,6 +33,7 @@ TABLE = ".csv"
 MOST_DEEP = 8
 """Parts inside one another."""
 MOST_PARTS = 1000
+BODIES = "system/bodies"
 MOST_BYTES = 64 * 2**20
 """Size of all parts, each counted as often as it is used."""
 
@@ -53,13 +54,29 @@ class _Work:
 
 
 def merge_parts(root: Element, path: Path, faults: Faults, parts: Parts) -> None:
-    """Replace ``<includes>`` in the tree of the deck at ``path`` by the contents of the parts;
-    raises ``DeckError`` with all faults if one cannot be read.
+    """Replace ``<includes>`` in the tree of the deck at ``path`` by the contents of the parts, and
+    put the numbers of their files into elastic bodies; raises ``DeckError`` with all faults if one
+    cannot be read.
 
     Files are taken from ``parts`` if they are there, and put there when they are read.
     """
-    if root.find("includes") is not None and not _merge_all(root, _Work([path], parts), faults):
+    work = _Work([path], parts)
+    if root.find("includes") is not None and not _merge_all(root, work, faults):
         faults.raise_if_any()
+    for element in root.iterfind(f"{BODIES}/elasticBody"):
+        if element.get("file") and element.find("modes") is None and faults.sound(element):
+            _read_elastic_body(element, work, faults)
+            if not faults.sound(element):  # its bodies would be unknown everywhere
+                faults.raise_if_any()
+
+
+def _read_elastic_body(element: Element, work: _Work, faults: Faults) -> None:
+    """Put the numbers of the file of an elastic body into its element."""
+    from msahl.deck.elastic_files import read_elastic_file  # which few decks need
+
+    file = _file(element, "file", "arm.npz", work, faults)
+    if file is not None:
+        work.known[file] = read_elastic_file(element, file, work.known.get(file), faults)
 
 
 def _merge_all(root: Element, work: _Work, faults: Faults) -> bool:
@@ -86,7 +103,7 @@ def _merge(root: Element, include: Element, work: _Work, faults: Faults) -> None
     prefix = attribute(include, "prefix")
     if not prefix.isprintable() or not FORBIDDEN.isdisjoint(prefix):
         faults.add(include, "the prefix must be printable, without , ; and quotes")
-    file = _file(include, work, faults)
+    file = _file(include, "href", "wheel.xml", work, faults)
     if file is None or not faults.sound(include):
         return
     own = Faults(str(file))
@@ -106,12 +123,12 @@ def _merge(root: Element, include: Element, work: _Work, faults: Faults) -> None
     _move(part, root, str(file), faults)
 
 
-def _file(include: Element, work: _Work, faults: Faults) -> Path | None:
-    """Return the path of the file that is included; None with a fault."""
-    href = attribute(include, "href")
+def _file(include: Element, key: str, example: str, work: _Work, faults: Faults) -> Path | None:
+    """Return the path of the file that an attribute names; None with a fault."""
+    href = attribute(include, key)
     parts = PurePosixPath(href).parts
     if href.startswith("/") or ".." in parts or set(":\\") & set(href) or not href.isprintable():
-        where = "a file beside this one or below it, such as wheel.xml or parts/wheel.xml"
+        where = f"a file beside this one or below it, such as {example} or parts/{example}"
         faults.add(include, f"'{href}' is not accepted; name {where}")
         return None
     folder = work.files[-1].parent
@@ -123,7 +140,7 @@ def _file(include: Element, work: _Work, faults: Faults) -> Path | None:
         if not real.is_relative_to(folder.resolve()):
             faults.add(include, f"'{href}' leads out of the folder of this file; copy it there")
         elif not real.is_file():
-            faults.add(include, f"'{href}' is no file; name the file of a part")
+            faults.add(include, f"'{href}' is no file; name one such as {example}")
         elif real in [open_file.resolve() for open_file in work.files]:
             names = " -> ".join(p.name for p in (*work.files, file))
             faults.add(include, f"a file includes itself: {names}; delete one of these includes")
@@ -133,7 +150,7 @@ def _file(include: Element, work: _Work, faults: Faults) -> Path | None:
             return file
     except (OSError, RuntimeError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        faults.add(include, f"'{href}' cannot be read: {reason}; name the file of a part")
+        faults.add(include, f"'{href}' cannot be read: {reason}; name a file such as {example}")
     return None
 
 
@@ -176,7 +193,8 @@ def _defined(part: Element) -> set[str]:
 def _add_prefix(part: Element, prefix: str) -> None:
     """Put ``prefix`` before all names that the part defines, wherever they stand."""
     defined = _defined(part)
-    beams = {text(name) for name in part.iterfind("system/bodies/beam/name")}
+    several = (*part.iterfind(f"{BODIES}/beam/name"), *part.iterfind(f"{BODIES}/elasticBody/name"))
+    beams = set(map(text, several))
 
     def named(name: str) -> str:
         """Return a name, or the name of a value of an element, as it is in the deck."""
@@ -186,7 +204,7 @@ def _add_prefix(part: Element, prefix: str) -> None:
     def with_prefix(given: str, kind: str) -> str:
         """Return a text of a simple type of the schema."""
         if kind == NAME:
-            name = collapsed(given)  # of an element, or of a node of a beam
+            name = collapsed(given)  # of an element, or of a node of a beam or elastic body
             known = name in defined or name.rpartition(".")[0] in beams
             return prefix + name if known else given
         if kind == EXPRESSION or (kind in NUMBERS and inside_braces(given) is not None):
@@ -204,11 +222,14 @@ def _add_prefix(part: Element, prefix: str) -> None:
 
 
 def _move_files(part: Element, folder: str) -> None:
-    """Put the ``folder`` of a part, from that of the including file, before the files of meshes,
-    which are given from the folder of the part."""
-    for mesh in part.iterfind("system/bodies/*/shapes/mesh"):
-        if folder != ".":
-            mesh.set("href", f"{folder}/{attribute(mesh, 'href')}")
+    """Put the ``folder`` of a part, from that of the including file, before the files of meshes
+    and elastic bodies, which are given from the folder of the part."""
+    if folder == ".":
+        return
+    for mesh in part.iterfind(f"{BODIES}/*/shapes/mesh"):
+        mesh.set("href", f"{folder}/{attribute(mesh, 'href')}")
+    for body in part.iterfind(f"{BODIES}/elasticBody[@file]"):
+        body.set("file", f"{folder}/{attribute(body, 'file')}")
 
 
 def _set_parameters(part: Element, include: Element, prefix: str, faults: Faults) -> None:

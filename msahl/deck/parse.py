@@ -77,6 +77,8 @@ def is_plain(root: Element, data: bytes, settings: Sequence[str]) -> bool:
     """Return whether the deck of these bytes has nothing to expand (see ``msahl.deck.expand``)."""
     tags = {child.tag for child in root}
     expands = settings or may_have_braces(data) or tags & {"parameters", "includes"}
+    if b"<elasticBody" in data:
+        return False  # its file has numbers
     # Readers put the names of nodes into the tree of a deck with beams.
     return not (expands or (b"<beam" in data and root.find("system/bodies/beam") is not None))
 

@@ -106,7 +106,7 @@ class _Placing:
         for body in self.root.iterfind("system/bodies/*"):
             if body.tag == "beamOfBodies":
                 continue
-            if body.tag == "beam":
+            if body.tag in ("beam", "elasticBody"):
                 self.is_sound &= self.reader.faults.sound(body)
                 continue
             name, start = text(body.find("name")), body.find("initialConditions")

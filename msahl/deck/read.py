@@ -62,6 +62,7 @@ from msahl.model.signals import AnySignal, SignalState, Stop
 
 if TYPE_CHECKING:
     from msahl.deck.beams import BuiltBeam
+    from msahl.deck.elastic import BuiltElasticBody
     from msahl.deck.includes import Parts
 
 Read = Callable[[Element, Reader], Any]
@@ -91,6 +92,7 @@ TAGS = frozenset(
         *BODIES,
         "beam",
         "beamOfBodies",
+        "elasticBody",
         *JOINT_KINDS,
         *COORDINATES,
         *MOTIONS,
@@ -168,9 +170,8 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     context = Context(project=assembly.position == "project", released=released)
     reader = Reader(_unit_system(root), faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
-    for groups in ONE_NAME:
-        _check_names(root, groups, faults)
-    beams, alike = _place_all(root, sound["bodies"], reader)
+    _check_names(root, faults)
+    beams, elastic, alike = _place_all(root, sound["bodies"], reader)
     bodies = _read_bodies(sound["bodies"], alike, reader)
     beams += _read_beams_of_bodies(sound["bodies"], reader)
     _check_some_body(root, faults)
@@ -207,6 +208,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         shapes=tuple(_read_shapes(sound["bodies"], reader)),
         beams=tuple(built.beam for built in beams if built.beam is not None),
         beam_shapes=tuple(built.shape for built in beams if built.shape is not None),
+        elastic_bodies=tuple(built.body for built in elastic if built.body is not None),
         places=_places(root, faults),
     )
 
@@ -226,19 +228,20 @@ def _places(root: Element, faults: Faults) -> dict[str, str]:
 
 def _place_all(
     root: Element, bodies: list[Element], reader: Reader
-) -> "tuple[list[BuiltBeam], BodiesAlike]":
-    """Make the axes of all bodies known and check all references; return the beams, and the bodies
-    that are alike."""
+) -> "tuple[list[BuiltBeam], list[BuiltElasticBody], BodiesAlike]":
+    """Make the axes of all bodies known and check all references; return the beams, the elastic
+    bodies, and the bodies that are alike."""
     attach_to_beams(root, reader)
     alike = _read_axes(root, bodies, reader)
     _read_kinds(root, reader)
+    elastic = _read_elastic_bodies(bodies, reader)
     beams = _read_beams(bodies, reader)
     check_references(root, TAGS, reader)
     if gives_starts(root):
         from msahl.deck.placement import place_by_joints  # which few decks need
 
         place_by_joints(root, reader)
-    return beams, alike
+    return beams, elastic, alike
 
 
 def _read_beams(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":
@@ -256,6 +259,19 @@ def _read_beams(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":
     return built
 
 
+def _read_elastic_bodies(sound: list[Element], reader: Reader) -> "list[BuiltElasticBody]":
+    """Return the elastic bodies, whose bodies become known as the nodes of beams do."""
+    elements = [element for element in sound if element.tag == "elasticBody"]
+    if not elements:
+        return []
+    from msahl.deck.elastic import read_elastic_body  # which few decks need
+
+    built = [read_elastic_body(element, reader) for element in elements]
+    for element, one in zip(elements, built, strict=True):
+        reader.beams[text(element.find("name"))] = one.bodies
+    return built
+
+
 def _read_bodies(
     sound: list[Element], alike: BodiesAlike, reader: Reader
 ) -> list[Ground | RigidBody]:
@@ -266,7 +282,7 @@ def _read_bodies(
             reader.context.place(record.name, record.position)
             reader.bodies[record.name] = record
             found.append(record)
-        elif element.tag == "beam":
+        elif element.tag in ("beam", "elasticBody"):
             found += reader.beams.get(text(element.find("name")), ())
         elif element.tag != "beamOfBodies":
             found.append(_read_body(element, reader))
@@ -370,13 +386,20 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
     return [element for element in elements if faults.sound(element)]
 
 
-def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
+def _check_names(root: Element, faults: Faults) -> None:
     """Add a fault for every name that is taken within its groups or cannot head a column."""
+    for groups in ONE_NAME:
+        _check_names_of(groups, root, faults)
+
+
+def _check_names_of(groups: Collection[str], root: Element, faults: Faults) -> None:
+    """Check the names of ``groups`` that share one set of names."""
     records = [record for group in groups for record in root.iterfind(f"system/{group}/*")]
-    if "loads" in groups:  # beams have columns beside those of loads in work.csv
+    if "loads" in groups:  # elastic elements have columns beside those of loads in work.csv
         records += [
             *root.iterfind("system/bodies/beam"),
             *root.iterfind("system/bodies/beamOfBodies"),
+            *root.iterfind("system/bodies/elasticBody"),
         ]
     labels = [label for record in records if (label := _label(record)) is not None]
     names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]
@@ -451,7 +474,7 @@ def _check_some_body(root: Element, faults: Faults) -> None:
         and faults.sound(bodies)
         and {e.tag for e in bodies.iterfind("*")} <= STILL
     ):
-        faults.add(bodies, "nothing here moves; add a <rigidBody> or a <beam>")
+        faults.add(bodies, "nothing here moves; add a <rigidBody>, <beam> or <elasticBody>")
 
 
 def _gravity(root: Element, reader: Reader) -> Vector:

@@ -56,7 +56,8 @@ def effective_text(
     those of ``parts``.
     """
     # Expressions in shapes alone may stay, so that the rest of the text is that without shapes.
-    if settings or may_have_braces(without_shapes(data)) or b"<includes" in data:
+    files = b"<includes" in data or b"<elasticBody" in data
+    if settings or files or may_have_braces(without_shapes(data)):
         faults = Faults(str(path))
         root = parse(data, faults)
         if not is_plain(root, data, settings):

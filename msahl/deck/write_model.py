@@ -15,6 +15,7 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix
 from msahl.check.context import context_of
 from msahl.check.directions import frame
+from msahl.deck.elastic import write_elastic_body
 from msahl.deck.elements import child, deck_bytes, lay_out, number, number_unless, numbers, vector
 from msahl.deck.faults import Element
 from msahl.deck.units import DEFAULTS, UNITS, to_si
@@ -162,7 +163,16 @@ def _write_bodies(group: Element, model: Model) -> None:
         child(element, "name", ground.name)
         _write_shapes(element, shapes.get(ground.name, []))
     inertial = model.grounds[0].name if model.grounds else INERTIAL_BASIS
+    elastic = {one.name: one for one in model.elastic_bodies}
+    followers = {name for one in model.elastic_bodies for name in one.bodies}
+    bodies = {body.name: body for body in model.bodies}
     for body in model.bodies:
+        if body.name in elastic:
+            own = elastic[body.name]
+            element = child(group, "elasticBody")
+            write_elastic_body(element, own, [bodies[name] for name in own.bodies])
+        if body.name in followers:
+            continue
         element = child(group, "rigidBody")
         _write_body(element, body, inertial)
         _write_shapes(element, shapes.get(body.name, []))

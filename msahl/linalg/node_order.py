@@ -8,10 +8,11 @@ that act on it, then rotation, then the multipliers that depend on rotations onl
 then 1, the share of the joint's mass, and an inertia about the joint. So a link leaves its
 neighbour only the joint between them, and costs the same on whichever side of it the ground is. A
 body that a force holds to another leaves that one in any case and goes with a joint at once. Joints
-that close loops, and couplings, go after all their bodies. An element of a beam goes after all its
-nodes but one, which leaves that one the rest of the beam, or after all where other elements have
-gone with some of them: equations of rigid strains are independent in nodes that are free. So in
-systems with beams all that the ground holds goes last.
+that close loops, and couplings, go after all their bodies. A body that follows others goes with its
+equations at once, which leave its inertia to these. An element of a beam goes after all its nodes
+but one, which leaves that one the rest of the beam, or after all where other elements have gone
+with some of them: equations of rigid strains are independent in nodes that are free. So in systems
+with beams all that the ground holds goes last.
 
 **By elements**, in large systems with many closed loops. All bodies are eliminated first, which
 leaves the matrix G M^-1 G^T of the constraints: positive definite if these are independent, so any
@@ -46,6 +47,7 @@ class Graph(NamedTuple):
     bodies: Lists  # those of each joint, coupling or motion
     elements: Lists  # likewise the elements of each body
     of_beam: np.ndarray  # (e,) whether it is one of a beam
+    follower: np.ndarray  # (e,) body that an element determines by the others; -1 for none
     pushing: Lists  # nodes of each element's multipliers that depend on displacements
     rotational: Lists  # those that depend on rotations only
     coupled: np.ndarray  # (p, 2) pairs of bodies that an equation of an element contains
@@ -232,12 +234,15 @@ def _place_nodes(
         tree = _element_to_go_with(graph, b, forced[b], missing, placed)
         order[end] = nodes[0][b]
         end += 1
-        if tree >= 0:
+        follows = tree >= 0 and graph.follower[tree] == b
+        if tree >= 0 and not follows:
             end = _put(graph.pushing, tree, order, end)
         rotates[b] = tree < 0 and _is_in_beam(graph, b, placed)
         if not rotates[b]:
             order[end] = nodes[1][b]
             end += 1
+        if follows:  # some of its equations have its rotation and displacements of others
+            end = _put(graph.pushing, tree, order, end)
         if tree >= 0:
             end = _put(graph.rotational, tree, order, end)
             placed[tree] = True
@@ -308,6 +313,8 @@ def _element_to_go_with(
     for waits in range(2 if forced else 1):
         for i in range(graph.elements.first[b], graph.elements.first[b + 1]):
             e = graph.elements.items[i]
+            if graph.follower[e] == b and not placed[e]:
+                return int(e)
             bodies = graph.bodies.first[e + 1] - graph.bodies.first[e]
             goes = not placed[e] and not graph.of_beam[e] and bodies <= TREE
             if goes and (missing[e] == 0) == (waits == 0):

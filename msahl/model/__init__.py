@@ -16,6 +16,7 @@ from msahl.model.contacts import (
 )
 from msahl.model.couplings import Coupling
 from msahl.model.curves import Curve, CurvePart
+from msahl.model.elastic import ElasticBody, Follower
 from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import (
@@ -61,7 +62,9 @@ __all__ = [
     "Curve",
     "CurvePart",
     "DistanceLimit",
+    "ElasticBody",
     "Event",
+    "Follower",
     "Ground",
     "Group",
     "Joint",

@@ -13,6 +13,7 @@ from msahl.model.beams import Beam
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.contacts import Contact, ContactSide, sides_of
 from msahl.model.couplings import Coupling
+from msahl.model.elastic import ElasticBody
 from msahl.model.events import Event
 from msahl.model.joints import Joint
 from msahl.model.loads import Actuator, ConcentratedLoad, Load
@@ -60,6 +61,7 @@ class Model:
     shapes: tuple[Shape, ...] = ()  # of bodies and grounds, for views
     beams: tuple[Beam, ...] = ()  # between bodies that are their nodes
     beam_shapes: tuple[BeamShape, ...] = ()  # of beams, for views
+    elastic_bodies: tuple[ElasticBody, ...] = ()  # of bodies that follow one another
     places: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     """File and line of motions, contacts, loads and signals by name, for messages; empty without a
     deck."""

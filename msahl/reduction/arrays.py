@@ -3,6 +3,7 @@
 import zipfile
 import zlib
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy
@@ -24,22 +25,29 @@ MOST_DIMENSIONS = 4
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of a file by name, of numbers or text; raises ``ReductionError``."""
     try:
-        with open_input(path) as stream, zipfile.ZipFile(stream) as archive:
-            entries = archive.infolist()
-            _require_small(path, entries)
-            return {one.filename.removesuffix(".npy"): _array(archive, one) for one in entries}
+        with open_input(path) as stream:
+            return arrays_of(str(path), stream)
     except OSError as error:
         raise ReductionError(str(path), f"cannot be read: {error.strerror or error}") from error
+
+
+def arrays_of(name: str, stream: BinaryIO) -> dict[str, np.ndarray]:
+    """Return the arrays of an open file, which messages call ``name``, likewise."""
+    try:
+        with zipfile.ZipFile(stream) as archive:
+            entries = archive.infolist()
+            _require_small(name, entries)
+            return {one.filename.removesuffix(".npy"): _array(archive, one) for one in entries}
     except DAMAGED as error:
         reason = shown(str(error)) or "it is damaged"
-        raise ReductionError(str(path), f"is no .npz of numbers: {reason}") from error
+        raise ReductionError(name, f"is no .npz of numbers: {reason}") from error
 
 
-def _require_small(path: Path, entries: list[zipfile.ZipInfo]) -> None:
+def _require_small(name: str, entries: list[zipfile.ZipInfo]) -> None:
     size = sum(one.file_size for one in entries)
     if len(entries) > MOST_ARRAYS or size > MOST_BYTES:
         raise ReductionError(
-            str(path), f"it has {len(entries)} arrays of {size} bytes; {MOST_BYTES} are accepted"
+            name, f"it has {len(entries)} arrays of {size} bytes; {MOST_BYTES} are accepted"
         )
 
 

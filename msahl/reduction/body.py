@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.reduction.arrays import read_arrays
+from msahl.reduction.arrays import arrays_of, read_arrays
 from msahl.reduction.faults import ReductionError
 from msahl.reduction.invariants import Invariants
 
@@ -59,7 +59,15 @@ def body_bytes(body: ReducedBody) -> bytes:
 
 def read_body(path: Path) -> ReducedBody:
     """Return the body of a file that ``body_bytes`` made; raises ``ReductionError``."""
-    arrays = read_arrays(path)
+    return _of_arrays(path, read_arrays(path))
+
+
+def read_body_bytes(name: str, data: bytes) -> ReducedBody:
+    """Return the body of the contents of such a file, which messages call ``name``."""
+    return _of_arrays(Path(name), arrays_of(name, io.BytesIO(data)))
+
+
+def _of_arrays(path: Path, arrays: dict[str, np.ndarray]) -> ReducedBody:
     if str(arrays.get("format", "")) != FORMAT:
         raise ReductionError(str(path), f"it is no '{FORMAT}'; msahl reduce makes one")
     try:

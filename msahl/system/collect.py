@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from msahl.algebra.functions import Law
-from msahl.algebra.vector import IDENTITY, ZERO, Vector, cross, dot, scale, sub
+from msahl.algebra.vector import IDENTITY, ZERO, Vector, add, cross, dot, scale, sub
 from msahl.check import directions
 from msahl.elements.beams.build import node_shares
 from msahl.elements.constraints import contact_points
@@ -65,6 +65,7 @@ from msahl.model.contacts import (
     sides_of,
 )
 from msahl.model.couplings import COORDINATES, Coupling
+from msahl.model.elastic import AXES, ElasticBody, Follower
 from msahl.model.joints import Joint
 from msahl.model.loads import (
     Bushing,
@@ -79,6 +80,8 @@ from msahl.model.motions import JointMotion, PointMotion
 from msahl.ports.coordinate import NO_JOINT, OWN_TENSION
 from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
+FAR = 10.0
+"""Arms of amplitudes, by the farthest point of the body: what places in inertial axes may be."""
 IDLE = Law("constant", (0.0,))
 """Law of time of prescribed motions that are released; the last law of a system with events."""
 
@@ -104,6 +107,7 @@ class EquationEntry(NamedTuple):
     law: int = -1  # law of time
     column: int = -1  # of the table of work
     first_coefficient: float = 1.0  # of the first; 0 of contacts, which are open
+    more: tuple[tuple[int, float], ...] = ()  # further coordinates and their weights
 
     @property
     def is_open(self) -> bool:
@@ -263,8 +267,11 @@ class _Collector:
             self._compliant_contact(column + columns + i, contact)
         columns += len(model.compliant_contacts)
         self.unknown = self._beams(first + sides, column + columns)
+        column_of_elastic = column + columns + sum(map(is_damped, model.beams))
         for column, load in enumerate(model.loads):
             self._load(column, load)
+        for i, body in enumerate(model.elastic_bodies):
+            self._elastic_body(column_of_elastic + i, body)
         order = [*COORDINATE_LAWS]
         self.elements.along.sort(key=lambda entry: order.index(entry.law.name))
         for column, load in enumerate(model.loads):
@@ -450,6 +457,49 @@ class _Collector:
             column += is_damped(beam)
         return element
 
+    def _elastic_body(self, column: int, body: ElasticBody) -> None:
+        """Add the equations by which followers keep to the frame, each with a number of its own
+        behind all other elements, and the springs along the amplitudes.
+        """
+        pairs = [self._following(body, follower) for follower in body.followers]
+        far = FAR * max(math.dist(one.place, ZERO) for one in body.followers)
+        along = [
+            self._add(in_plane(IDENTITY[j % AXES]).first, _beyond(pairs[j // AXES], j % AXES, far))
+            for j in range(len(body.stiffness))
+        ]
+        for k, (follower, pair) in enumerate(zip(body.followers, pairs, strict=True)):
+            for axis in range(AXES):
+                if k >= body.carriers or AXES * k + axis >= len(along):
+                    place = in_plane(IDENTITY[axis])
+                    self._follow(place, pair, follower.shape[axis], along)
+                self._follow(rotation_about(axis), pair, follower.rotation[axis], along)
+            self.unknown += 1
+        for q, stiffness, damping in zip(along, body.stiffness, body.damping, strict=True):
+            parameters = (("preload", 0.0), ("stiffness", stiffness))
+            decay = self._decay(stiffness)
+            entry = CoordinateEntry(SPRING, q, parameters, column, damping=damping, decay=decay)
+            self.elements.along.append(entry)
+
+    def _following(self, body: ElasticBody, follower: Follower) -> Pair:
+        """Return the points of the frame and of a follower that coincide without amplitudes."""
+        a, b = self.elements.frame[body.name], self.elements.frame[follower.body]
+        s_a = self.elements.add_point(a, follower.place)
+        return Pair(a, b, s_a, self.elements.add_point(b, ZERO))
+
+    def _follow(
+        self, equation: Equation, pair: Pair, shape: tuple[float, ...], along: list[int]
+    ) -> None:
+        """Add an equation whose value is the sum of the amplitudes times a ``shape``."""
+        first = self._add(equation.first, pair)
+        second = -1 if equation.second is None else self._add(equation.second, pair)
+        more = tuple((q, -weight) for q, weight in zip(along, shape, strict=True) if weight)
+        entry = EquationEntry(
+            *(self.unknown, first, second, equation.coefficient, equation),
+            first_coefficient=1.0 if second < 0 else 0.5,
+            more=more,
+        )
+        self.elements.equations.append(entry)
+
     def _as_at_start(self, coordinate: int) -> Equation:
         """The equation by which a coordinate keeps the value it has at t = 0."""
         return Equation(self.elements.coordinates[coordinate][0], None)
@@ -533,6 +583,21 @@ class _Collector:
     def _decay(self, stiffness: float) -> float:
         """Return chi/2 k of a spring."""
         return 0.5 * resolve(self.model.simulation).decay.chi * stiffness
+
+
+def _beyond(pair: Pair, axis: int, far: float) -> Pair:
+    """Return the points farther along an axis of both bodies, which have the same axes: the same
+    displacement along it, for whose round-off schemes allow by the size of these arms [m]."""
+    offset = scale(far, IDENTITY[axis])
+    return pair._replace(s_a=add(pair.s_a, offset), s_b=add(pair.s_b, offset))
+
+
+def rotation_about(axis: int) -> Equation:
+    """Return the equation that the child does not rotate about an ``axis`` of the parent, to first
+    order: the antisymmetric part of its matrix of rotation."""
+    i, j = (axis + 1) % AXES, (axis + 2) % AXES
+    first, second = (perpendicular(IDENTITY[a], IDENTITY[b]).first for a, b in ((j, i), (i, j)))
+    return Equation(first, 0.0, second, -0.5)
 
 
 def _pressing(law: CoordinateLaw, joint: int = NO_JOINT) -> int:

@@ -61,11 +61,25 @@ def graph_of(system: System) -> Graph:
         bodies=grouped(touched[0], touched[1], count),
         elements=grouped(touched[1], touched[0], ground),
         of_beam=multipliers.of_beam[first],
+        follower=_followers(system, multipliers.element[first]),
         pushing=pushing,
         rotational=rotational,
         coupled=_coupled(multipliers, ground),
         forced=_forced(system, ground),
     )
+
+
+def _followers(system: System, numbers: np.ndarray) -> np.ndarray:
+    """(e,) frames that follow others by the elements of these ``numbers``, -1 for other elements:
+    those whose equations have more than two coordinates."""
+    followers = np.full(numbers.size, -1, dtype=np.int64)
+    if system.scalar is not None and system.scalar.sums is not None:
+        rows, coords = system.scalar.equations, system.scalar.coordinates
+        row = system.scalar.sums.row
+        element = system.multipliers.element[rows.place[row, 0]]
+        frame = coords.products.b[coords.first[rows.coordinate[row, 0]]]
+        followers[np.searchsorted(numbers, element)] = frame
+    return followers
 
 
 def _sorted_set(numbers: np.ndarray) -> np.ndarray:

@@ -117,11 +117,11 @@ def beam_columns(model: Model) -> list[str]:
 
 
 def workers(model: Model) -> tuple[str, ...]:
-    """Names of all whose work is counted: loads, motions, contacts, events, damped beams, a scheme
-    that decays."""
+    """Names of all whose work is counted: loads, motions, contacts, events, damped beams, elastic
+    bodies, a scheme that decays."""
     damped = filter(is_damped, model.beams)
     contacts = (*model.contact_sides, *model.events, *model.compliant_contacts)
-    elements = (*model.loads, *model.motions, *contacts, *damped)
+    elements = (*model.loads, *model.motions, *contacts, *damped, *model.elastic_bodies)
     names = tuple(element.name for element in elements)
     return (*names, WORKER) if resolve(model.simulation).dissipative else names
 
@@ -129,7 +129,7 @@ def workers(model: Model) -> tuple[str, ...]:
 def work_columns(model: Model) -> list[str]:
     """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
     springs = [load for load in model.loads if _is_elastic(load)]
-    elastic = (*springs, *model.compliant_contacts, *model.beams)
+    elastic = (*springs, *model.compliant_contacts, *model.elastic_bodies, *model.beams)
     work = [f"{name}.work" for name in workers(model)]
     return ["time", *work, *(f"{element.name}.{ENERGY}" for element in elastic)]
 
@@ -170,10 +170,19 @@ def _describe_elastic(model: Model, system: System, element: int, node: int, slo
         element -= len(beam.lengths)
     else:
         springs = [load for load in model.loads if isinstance(load, Springy) and load.compliance]
+        if element >= len(springs):
+            return _describe_follower(model, element - len(springs))
         law = "angular law" if system.multipliers.rotational[node] else "law"
         return f"spring '{springs[element].name}', {law} {slot + 1}"
     strains = STRAINS[3:] if system.multipliers.rotational[node] else STRAINS[:3]
     return f"beam '{beam.name}', {strains[slot]} in element {element + 1}"
+
+
+def _describe_follower(model: Model, number: int) -> str:
+    """The equations of a follower in words; those of all elastic bodies are counted from 0."""
+    found = [(body, one) for body in model.elastic_bodies for one in body.followers]
+    body, follower = found[number]
+    return f"elastic body '{body.name}', place of '{follower.body}'"
 
 
 def describe_row(model: Model, system: System, index: int) -> str:

@@ -17,6 +17,7 @@ from msahl.model.model import in_deck
 from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.evaluate import prepare
+from msahl.system.names import workers
 
 EXPRESSION = "the expression of "
 """Begins the name of a signal, state, load or condition whose expression has no finite value."""
@@ -65,23 +66,25 @@ def _parts(
         size = np.array([inertia, 1.0 / inertia, 0.0])
         numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
         yield f"body '{body.name}'", numbers
-    contacts = (*model.contact_sides, *model.events, *model.compliant_contacts)
-    workers = (*model.loads, *model.motions, *contacts)
+    names = workers(model)
     for column, numbers in forces.numbers_at_points(system.forces, start.forces, state.v):
-        yield f"load '{workers[column].name}'", numbers
+        yield f"load '{names[column]}'", numbers
     if system.scalar is None:
         return
     coords, rows = start.scalar.coordinates, system.scalar.equations
     elements = model.constrained
     for r, (node, _) in enumerate(rows.place):
-        element = elements[int(system.multipliers.element[node])]
+        number = int(system.multipliers.element[node])
+        if number >= len(elements):  # of an elastic body, whose own numbers are finite
+            continue
+        element = elements[number]
         parts = [coords.value[q] for q in rows.coordinate[r] if q >= 0]
         if rows.law[r] >= 0:
             parts += evaluate(system.laws, rows.law[r], t)
             parts += evaluate(system.laws, rows.law[r], t + h)
         yield f"{type(element).__name__.lower()} '{element.name}'", np.array(parts)
     for column, numbers in forces.numbers_along(system.forces, coords):
-        yield f"load '{workers[column].name}'", numbers
+        yield f"load '{names[column]}'", numbers
 
 
 def find_undefined(model: Model, system: System, state: State, h: float) -> str | None:

@@ -16,6 +16,7 @@ from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.outlines import curves_of
 from msahl.elements.constraints.products import Products, Surfaces
 from msahl.elements.constraints.scalar import ScalarConstraints
+from msahl.elements.constraints.sums import Sums
 from msahl.elements.reactions import Reactions
 from msahl.elements.signals.coupling import coupling
 from msahl.elements.signals.group import Signals
@@ -164,7 +165,13 @@ def _scalar(
         equations=_equations(elements, topology, frames),
         laws=laws,
         equation_column=topology.equation_column,
+        sums=None if topology.sums is None else Sums(**topology.sums, weight=_weights(elements)),
     )
+
+
+def _weights(elements: Elements) -> np.ndarray:
+    """(s,) weights of the further terms of equations."""
+    return _numbers(weight for entry in elements.equations for _, weight in entry.more)
 
 
 def _ends(found: Sequence[tuple[float, float]]) -> np.ndarray | None:

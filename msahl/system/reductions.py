@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from msahl.elements.beams.group import Beams, BeamsWorkspace, Plane
-from msahl.elements.constraints import curves
+from msahl.elements.constraints import curves, sums
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations, is_active
@@ -58,6 +58,8 @@ def plane_normal(
 def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     if system.beams is not None and plane_of_beams(system.beams, start.beams, axis) is None:
         return False
+    if system.scalar is not None and system.scalar.sums is not None:
+        return False  # modes move in space
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
@@ -226,7 +228,8 @@ def drop_rows(system: System, held: np.ndarray) -> System:
     rows, group = scalar.equations, scalar.coordinates
     kept = np.flatnonzero(~held)
     acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_needed(system.forces))
-    numbers = np.concatenate(acting)
+    further = sums.coordinates_of(scalar.sums)
+    numbers = np.concatenate([*acting, further])
     used = np.flatnonzero(np.bincount(numbers[numbers >= 0]))
     coords, number = coordinate_subset(group, used)
     fewer = ConstraintEquations(*(array[kept] for array in rows))
@@ -236,6 +239,7 @@ def drop_rows(system: System, held: np.ndarray) -> System:
             coordinates=coords,
             equations=fewer._replace(coordinate=number[fewer.coordinate]),
             equation_column=scalar.equation_column[kept],
+            sums=sums.fewer(scalar.sums, kept, number),
         ),
         forces=forces.renumbered(system.forces, number),
         reactions=system.reactions._replace(first_equation=left[system.reactions.first_equation]),

@@ -85,6 +85,7 @@ def work_count(model: Model) -> int:
     contact and a damped beam, and a decaying scheme's own.
     """
     own = len(model.events) + len(model.compliant_contacts) + sum(map(is_damped, model.beams))
+    own += len(model.elastic_bodies)
     return work_of_events(model) + own + resolve(model.simulation).dissipative
 
 

@@ -12,12 +12,22 @@ from functools import cache
 from typing import Any, cast
 
 from msahl.expressions.syntax import Lookup, Name, Tree, postorder
-from msahl.model import Beam, Event, Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
+from msahl.model import (
+    Beam,
+    ElasticBody,
+    Event,
+    Joint,
+    MarkerActuator,
+    Model,
+    Signal,
+    SignalState,
+    SignalTable,
+)
 from msahl.model.signals import element_and_value
 
 KINDS = (
     *("joints", "couplings", "motions", "contacts", "events"),
-    *("loads", "signals", "stops", "beams"),
+    *("loads", "signals", "stops", "beams", "elastic_bodies"),
 )
 """What may couple bodies, as a model holds it."""
 
@@ -87,6 +97,8 @@ class _Owners:
             names |= self._changed(element)
         if isinstance(element, Beam):
             names |= set(element.nodes)
+        if isinstance(element, ElasticBody):
+            names |= set(element.bodies)
         if isinstance(element, MarkerActuator):
             names |= {self._bodies[element.start], self._bodies[element.end]}
         if isinstance(element, Signal | SignalState | SignalTable):

@@ -39,6 +39,7 @@ class Topology(NamedTuple):
     products: Indices
     coordinates: Indices
     equations: Indices
+    sums: Indices | None
     equation_column: np.ndarray  # (r,)
     concentrated: Indices
     controlled: Indices | None
@@ -83,6 +84,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
     parts = _parts(elements, frames)
     coordinates = _coordinates(elements, parts, blocks)
     equations = _equations(elements, nodes, parts, blocks, first)
+    sums = _sums(elements, nodes, parts, blocks, first)
     signals, actuator = _signals(elements, parts, frames, blocks)
     beams = _beams(elements, nodes, frames, blocks, first)
     controlled = signals and _concentrated(elements, elements.controlled, frames, blocks)
@@ -97,6 +99,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         products=_products(elements),
         coordinates=coordinates,
         equations=equations,
+        sums=sums,
         equation_column=indices([entry.column for entry in elements.equations]),
         concentrated=concentrated,
         controlled=controlled,
@@ -124,6 +127,7 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         (e.element, e.first, e.second, e.function, e.law, e.column, not e.equation.rate)
         for e in elements.equations
     ]
+    sums = tuple((r, q) for r, e in enumerate(elements.equations) for q, _ in e.more)
     loads = [
         (e.load.body, e.load.force_basis, e.load.moment_basis, e.law, e.column)
         for e in elements.concentrated
@@ -133,7 +137,7 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         tuple(bool(arms) for arms in elements.arms),
         tuple((element, pair.a, pair.b) for element, pair in elements.points),
         tuple(pairs),
-        tuple(equations),
+        (tuple(equations), sums),
         (tuple(elements.first_equation), tuple(elements.load_equation)),
         tuple(
             (e.law.name, e.coordinate, e.table, e.joint, e.column, e.element)
@@ -218,7 +222,8 @@ def _place_multipliers(elements: Elements) -> _Nodes:
         return node, slot
 
     for entry in elements.equations:
-        nodes.place.append(place(entry.element, [entry.first, entry.second]))
+        along = [entry.first, entry.second, *(q for q, _ in entry.more)]
+        nodes.place.append(place(entry.element, along))
     for of_beam, k, own in _beam_elements(elements):
         for _ in range(of_beam.beam.degree):
             nodes.points.append(add(of_beam.element + k, False, set(own), True))
@@ -371,6 +376,23 @@ def _equations(
         "holonomic": np.array([not e.equation.rate for e in entries], dtype=bool),
         "force_block": np.ascontiguousarray(starts[:, :, 0]),
         "constraint_block": np.ascontiguousarray(starts[:, :, 1]),
+    }
+
+
+def _sums(
+    elements: Elements, nodes: _Nodes, parts: np.ndarray, blocks: Blocks, first: int
+) -> Indices | None:
+    """Return the indices of further terms of equations."""
+    terms = [(r, q) for r, e in enumerate(elements.equations) for q, _ in e.more]
+    if not terms:
+        return None
+    row, coordinate = indices(terms).T
+    part, node = parts[coordinate], first + indices(nodes.place)[row, :1]
+    return {
+        "row": np.ascontiguousarray(row),
+        "coordinate": np.ascontiguousarray(coordinate),
+        "force_block": blocks.place(part, node),
+        "constraint_block": blocks.place(node, part),
     }
 
 

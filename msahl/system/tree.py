@@ -146,6 +146,7 @@ def _excluded(model: Model, system: System) -> str:
         (bool(model.events or model.switched), "events change its constraints, laws or velocities"),
         (rates, "constraints between rates have no joint coordinates"),
         (system.beams is not None, "beams have no joint coordinates"),
+        (bool(model.elastic_bodies), "elastic bodies have no joint coordinates"),
         (system.forces.compliance is not None, "springs in the compliance form have multipliers"),
         (pressed_by_reactions(system.forces) is not None, "friction depends on reactions"),
         (use_reactions(signals), "expressions depend on reactions"),

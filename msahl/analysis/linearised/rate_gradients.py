@@ -68,8 +68,16 @@ def _scalar(system: System, start: SystemWorkspace) -> np.ndarray:
     coordinates.rates(coords, own, motion.v, motion.W, start.scalar.rate)
     out = Derivatives(scratch, scratch, scratch, still)
     B = np.zeros((rows.function.size, node_count(system), 3))
-    for r, side in np.argwhere(rows.coordinate >= 0).tolist():
-        q, c, curve = int(rows.coordinate[r, side]), float(rows.coefficient[r, side]), 0.0
+    sums = system.scalar.sums
+    terms = [
+        (r, int(rows.coordinate[r, side]), side, float(rows.coefficient[r, side]))
+        for r, side in np.argwhere(rows.coordinate >= 0).tolist()
+    ]
+    if sums is not None:
+        more = zip(sums.row, sums.coordinate, sums.weight, strict=True)
+        terms += [(int(r), int(q), 0, float(w)) for r, q, w in more]
+    for r, q, side, c in terms:
+        curve = 0.0
         if side == 1 and rows.function[r] >= 0:
             _, slope, second = law(system.laws, int(rows.function[r]), float(own.value[q]))
             c, curve = c * slope, c * second * float(start.scalar.rate[q])

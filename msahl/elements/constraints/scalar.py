@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints import coordinate_jacobians, coordinates, curves, segments
+from msahl.elements.constraints import coordinate_jacobians, coordinates, curves, segments, sums
 from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
 from msahl.elements.constraints.coordinate_kinds import (
     RADIUS,
@@ -33,6 +33,7 @@ from msahl.elements.constraints.equations import (
 )
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.constraints.segments import SEGMENTS
+from msahl.elements.constraints.sums import Sums
 from msahl.formulations.absolute.frames import Frames, FramesWorkspace
 from msahl.formulations.absolute.multipliers import by_unknown, multiplier, place_of
 from msahl.jit.kernel import kernel, optional
@@ -45,6 +46,7 @@ class ScalarConstraints(NamedTuple):
     equations: ConstraintEquations
     laws: Laws
     equation_column: np.ndarray  # (r,) of the table of work, of each equation; -1 without a motion
+    sums: Sums | None = None
 
 
 class ScalarWorkspace(NamedTuple):
@@ -95,6 +97,7 @@ def _add_loads(
     for r in range(rows.function.size):
         lam = multiplier(rows, frames, Z, factor, r)
         add_load(rows, scalar.laws, start.coordinates, r, lam)
+    sums.add_loads(scalar.sums, rows, start.coordinates, frames, factor, Z)
 
 
 @kernel
@@ -117,6 +120,7 @@ def _set_equations(
         node, slot = place_of(rows, frames, r)
         F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
         q.term_size[node] = max(q.term_size[node], law_round_off(rows, laws, q, r, t, h))
+    sums.add_changes(scalar.sums, rows, q, frames, F)
 
 
 @optional()
@@ -165,6 +169,7 @@ def _add_blocks(
                     values[down + 3 * i + slot] += by_lam * q_start.force[q, part, i]
                     of_equation = rows.scale[r] * slope * q_start.slope[q, part, i]
                     values[right + 3 * slot + i] += of_equation
+    sums.add_blocks(scalar.sums, rows, coords, q_start, frames, factor, values)
 
 
 @kernel
@@ -279,6 +284,7 @@ def free_acceleration(
             total += rows.coefficient[r, side] * second
         node, slot = place_of(rows, frames, r)
         F[node, slot] = -rows.scale[r] * total
+    sums.add_free_acceleration(scalar.sums, rows, scalar.coordinates, q_start, frames, (v, W), F)
 
 
 @optional()
@@ -502,6 +508,7 @@ def observe(
         node, slot = rows.place[r, 0], rows.place[r, 1]
         violation[node, slot] = total if rows.holonomic[r] else 0.0
         violation_rate[node, slot] = total_rate
+    sums.add_violations(scalar.sums, rows, q, start.rate, violation, violation_rate)
 
 
 @optional()

@@ -256,6 +256,7 @@ def _require_known(run: Run) -> None:
     model = run.model
     found = {
         "beams": model.beams,
+        "elastic bodies": model.elastic_bodies,
         "contacts": model.contacts,
         "events": (*model.events, *model.released),
         "springs in the compliance form": [

@@ -9,6 +9,7 @@ import numpy as np
 
 from msahl.algebra.rotation_arrays import matrices, quaternions
 from msahl.model import Model, RigidBody
+from msahl.model.elastic import node_places
 from msahl.post.scene.beams import beam_entries, node_beams
 from msahl.post.scene.curves import curve_shapes
 from msahl.post.scene.derived import (
@@ -165,10 +166,12 @@ def derived_shapes(
         shapes[b].append(wheel)
     for b, part in curve_shapes(model, body, ROD_RADIUS * size):
         shapes[b].append(part)
-    beam_of = node_beams(model)
+    shapeless = {*node_beams(model), *(n for one in model.elastic_bodies for n in one.bodies)}
+    for elastic in model.elastic_bodies:
+        ends[body[elastic.name]] += map(list, node_places(elastic))
     for index, record_of_body in enumerate(model.bodies):
         rods = links(record_of_body.r_BG, ends[index], ROD_RADIUS * size)
-        if not shapes[index] and record_of_body.name not in beam_of:
+        if not shapes[index] and record_of_body.name not in shapeless:
             reach = max((math.dist(record_of_body.r_BG, end) for end in ends[index]), default=0.0)
             solid = visible(marker_of_mass(equivalent_solid(record_of_body), reach), size)
             shapes[index].append(solid)
