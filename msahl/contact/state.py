@@ -4,10 +4,12 @@ Impulses, and what removes round-off from positions and velocities, change the m
 the work of each; ``forces`` and ``modes`` decide what happens.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from msahl.algebra.vector import Vector
 from msahl.contact import response as of_contacts
 from msahl.contact.friction import Cones
 from msahl.contact.response import Response
@@ -205,6 +207,20 @@ class ContactState:
         """Return the first of the contacts ``which`` that is of two capsules that touch along a
         line, in the configuration of the last ``gaps``; None without one.
         """
+        found = (k for k, half, m in self._segments(which) if segments.side_by_side(half, m))
+        return next(found, None)
+
+    def needless(self, which: np.ndarray) -> list[int]:
+        """Return those of the contacts ``which`` that are between edges of boxes that do not cross
+        in the configuration of the last ``gaps``: contacts of corners stand for them.
+        """
+        edges = which[self.contacts.between_edges[which]]
+        return [k for k, half, m in self._segments(edges) if not segments.cross(half, m)]
+
+    def _segments(self, which: np.ndarray) -> Iterator[tuple[int, tuple[float, float], Vector]]:
+        """Yield those of the contacts ``which`` that are between segments, with their half lengths
+        and ``m``.
+        """
         assert self.system.scalar is not None
         group = self.system.scalar.coordinates
         m = self.work_arrays.start.scalar.coordinates.products.value
@@ -212,9 +228,7 @@ class ContactState:
             q = self.coordinate[k]
             if group.ends is not None and group.kind[q] == segments.SEGMENTS:
                 half = segments.half_lengths(group.ends, q)
-                if segments.side_by_side(half, segments.last_three(m, group.first[q])):
-                    return int(k)
-        return None
+                yield k, half, segments.last_three(m, group.first[q])
 
     def lift(self, response: Response) -> None:
         """Remove overlaps by round-off: an open contact must not begin with one."""

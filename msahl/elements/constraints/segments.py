@@ -107,6 +107,18 @@ def side_by_side(half: tuple[float, float], m: Vector) -> bool:
     return 1.0 - s * s <= PARALLEL * PARALLEL and overlap > PARALLEL * (half[0] + half[1])
 
 
+def cross(half: tuple[float, float], m: Vector) -> bool:
+    """Return whether the nearest points of the lines of two segments are on these, or beyond an end
+    by round-off; those of parallel ones are not.
+    """
+    p, q, s = m
+    square = 1.0 - s * s
+    if square <= PARALLEL * PARALLEL:
+        return False
+    u, w = (p - s * q) / square, (s * p - q) / square
+    return abs(u) <= half[0] * (1.0 + PARALLEL) and abs(w) <= half[1] * (1.0 + PARALLEL)
+
+
 @optional(0.0)
 def value(ends: np.ndarray, q: int, m: np.ndarray, k: int) -> float:
     """Return the distance of coordinate ``q``, by its products ``m`` from number ``k`` on."""
