@@ -14,6 +14,7 @@ from msahl.contact import response as of_contacts
 from msahl.contact.friction import Cones
 from msahl.contact.response import Response
 from msahl.elements.constraints import segments
+from msahl.elements.constraints.coordinates import product_rates
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import project, solve_accelerations
 from msahl.system.arrays import State, System
@@ -43,6 +44,10 @@ TOUCHING = 10.0
 OVERLAP = 1e4
 """Overlap at t = 0, over the round-off of the gap, that is that of the digits a deck omits: 1e-9
 of the size of the model."""
+
+
+Lines = tuple[int, tuple[float, float], Vector, Vector]
+"""A contact between segments: its number, their half lengths [m], ``m`` and its rates."""
 
 
 class After(NamedTuple):
@@ -207,28 +212,33 @@ class ContactState:
         """Return the first of the contacts ``which`` that is of two capsules that touch along a
         line, in the configuration of the last ``gaps``; None without one.
         """
-        found = (k for k, half, m in self._segments(which) if segments.side_by_side(half, m))
+        found = (k for k, half, m, _ in self._segments(which) if segments.side_by_side(half, m))
         return next(found, None)
 
-    def needless(self, which: np.ndarray) -> list[int]:
+    def needless(self, which: np.ndarray, event: int | None) -> list[int]:
         """Return those of the contacts ``which`` that are between edges of boxes that do not cross
-        in the configuration of the last ``gaps``: contacts of corners stand for them.
+        in the configuration of the last ``gaps``: contacts of corners stand for them. That of an
+        ``event`` stays if its nearest points are unique: it touches before the corner by round-off.
         """
         edges = which[self.contacts.between_edges[which]]
-        return [k for k, half, m in self._segments(edges) if not segments.cross(half, m)]
+        return [
+            k
+            for k, half, m, dm in self._segments(edges)
+            if not segments.cross(half, m, dm) and (k != event or segments.side_by_side(half, m))
+        ]
 
-    def _segments(self, which: np.ndarray) -> Iterator[tuple[int, tuple[float, float], Vector]]:
-        """Yield those of the contacts ``which`` that are between segments, with their half lengths
-        and ``m``.
-        """
+    def _segments(self, which: np.ndarray) -> Iterator[Lines]:
+        """Yield what ``Lines`` says of those of the contacts ``which`` that are of segments."""
         assert self.system.scalar is not None
-        group = self.system.scalar.coordinates
-        m = self.work_arrays.start.scalar.coordinates.products.value
+        group, start = self.system.scalar.coordinates, self.work_arrays.start
+        own, motion = start.scalar.coordinates, (start.frames.v, start.frames.W)
         for k in which.tolist():
             q = self.coordinate[k]
             if group.ends is not None and group.kind[q] == segments.SEGMENTS:
-                half = segments.half_lengths(group.ends, q)
-                yield k, half, segments.last_three(m, group.first[q])
+                first = int(group.first[q])
+                m = segments.last_three(own.products.value, first)
+                rates = [product_rates(group, own, *motion, first + i)[0] for i in (3, 4, 5)]
+                yield k, segments.half_lengths(group.ends, q), m, (rates[0], rates[1], rates[2])
 
     def lift(self, response: Response) -> None:
         """Remove overlaps by round-off: an open contact must not begin with one."""
