@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from msahl.algebra.vector import IDENTITY
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import points
@@ -20,7 +21,7 @@ def gap_of_boxes(contact: BoxesContact, context: Context) -> float:
     by which one of them comes free, along the normals of faces and across edges.
     """
     here, there = map(np.array, points(contact, context))
-    own = [context.rotated(axis, contact.parent, INERTIAL) for axis in np.eye(3).tolist()]
+    own = [context.rotated(axis, contact.parent, INERTIAL) for axis in IDENTITY]
     other = [context.rotated(axis, contact.child, INERTIAL) for axis in contact.axes]
     one = (here, np.array(own), np.array(contact.parent_half))
     two = (there, np.array(other), np.array(contact.half))
@@ -30,7 +31,7 @@ def gap_of_boxes(contact: BoxesContact, context: Context) -> float:
 
 
 def separation(one: Box, two: Box) -> float:
-    """Return the largest distance of the shadows of two boxes, along the normals of faces and
+    """Return the largest distance of the projections of two boxes, along the normals of faces and
     across pairs of edges [m]; it is less than zero if they overlap.
     """
     crossed = np.cross(one[1][:, None], two[1][None]).reshape(-1, 3)

@@ -91,19 +91,19 @@ def _contacts(label: str, one: _Member, other: _Member, touch: Touch) -> Iterato
     """Yield the contacts of two members, the first of which has the lower rank."""
     law = (touch.restitution, touch.compliance, touch.friction, touch.static_friction)
     ends = (one.body, other.body, one.point, other.point)
-    radii = (one.radius, other.radius)
+    radius = other.radius
     if one.normal is not None:
         points = other.ends
         for k, point in enumerate(points, start=1):
             at_end = (one.body, other.body, one.point, point)
-            own = label if len(points) == 1 else f"{label}.{k}"
-            yield PlaneContact(own, *at_end, one.normal, other.radius, *law)
+            name = label if len(points) == 1 else f"{label}.{k}"
+            yield PlaneContact(name, *at_end, one.normal, other.radius, *law)
     elif one.sizes is not None and other.rank == _SPHERE:
-        yield BoxContact(label, *ends, one.sizes, *radii, *law)
+        yield BoxContact(label, *ends, one.sizes, one.radius, radius, *law)
     elif one.sizes is not None:
-        sizes = other.sizes or (0.0, 0.0, other.half)
+        own = other.sizes or (0.0, 0.0, other.half)
         axes = IDENTITY if other.axis is None else frame(other.axis)
-        yield BoxesContact(label, *ends, one.sizes, sizes, *radii, *law, axes)
+        yield BoxesContact(label, *ends, one.sizes, own, one.radius, radius, *law, axes)
     elif one.axis is None:
         yield SphereContact(label, *ends, one.radius, other.radius, None, *law)
     elif other.axis is None:
@@ -145,8 +145,7 @@ def _members(element: Element, reader: Reader) -> Iterator[_Member]:
             if half <= 0.0:
                 message = f"length: it is {2.0 * half:g} m; it must be greater than zero"
                 reader.faults.add(one, message)
-        shape = {"axis": direction, "half": half, "sizes": sizes}
-        yield _Member(one, label, body, point, radius, **shape)
+        yield _Member(*(one, label, body, point), radius, axis=direction, half=half, sizes=sizes)
 
 
 def _half_sizes(element: Element, reader: Reader) -> Vector:

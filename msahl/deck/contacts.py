@@ -190,10 +190,10 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
     parent_radius = reader.number(element.find("parentRadius"), "length")
     if (box := element.find("box")) is not None:
         half, radii = _half_sizes(box, reader), (parent_radius, radius)
-        other = _childs_box(element, ends, reader)
-        if other is not None:
-            own, axes = other
-            return BoxesContact(name, *points, half, own, *radii, *law, *friction, axes)
+        childs = _childs_box(element, ends, reader)
+        if childs is not None:
+            sides = (half, childs[0])
+            return BoxesContact(name, *points, *sides, *radii, *law, *friction, childs[1])
         return BoxContact(name, *points, half, *radii, *law, *friction)
     if element.tag == "capsuleContact":
         axis = _parents_direction(element, "axis", ends, reader)

@@ -27,7 +27,10 @@ def parts_of(contact: BoxesContact) -> Iterator[Part]:
     """
     name, law = contact.name, _law(contact)
     own, of_parent = (contact.child_point, contact.axes), (contact.parent_point, IDENTITY)
-    radii, turned = (contact.parent_radius, contact.radius), (contact.radius, contact.parent_radius)
+    radii, swapped = (
+        (contact.parent_radius, contact.radius),
+        (contact.radius, contact.parent_radius),
+    )
     ends = (contact.parent, contact.child, contact.parent_point)
     for k, corner in enumerate(corners_of(contact.half), start=1):
         at = _placed(corner, *own)
@@ -35,12 +38,12 @@ def parts_of(contact: BoxesContact) -> Iterator[Part]:
     ends = (contact.child, contact.parent, contact.child_point)
     for k, corner in enumerate(corners_of(contact.parent_half), start=1):
         at, given = _placed(corner, *of_parent), {**law, "axes": contact.axes}
-        yield BoxContact(f"{name}.parentCorner{k}", *ends, at, contact.half, *turned, **given)
+        yield BoxContact(f"{name}.parentCorner{k}", *ends, at, contact.half, *radii[::-1], **given)
     bodies = (contact.parent, contact.child)
     for i, one in enumerate(edges_of(contact.parent_half), start=1):
         for j, other in enumerate(edges_of(contact.half), start=1):
             points = _placed(one[0], *of_parent), _placed(other[0], *own)
-            axes, sizes = (one[1], _turned(other[1], contact.axes)), (one[2], other[2])
+            axes, sizes = (one[1], _rotated(other[1], contact.axes)), (one[2], other[2])
             label = f"{name}.edge{i}.edge{j}"
             yield CapsuleContact(label, *bodies, *points, *axes, *sizes, *radii, **law)
 
@@ -54,9 +57,9 @@ def edges_of(half: Vector) -> list[Edge]:
     """Return its edges, those along its x first."""
     found = []
     for i, axis in enumerate(IDENTITY):
-        across = tuple(0.0 if k == i else h for k, h in enumerate(half))
+        x, y, z = (0.0 if k == i else h for k, h in enumerate(half))
         if half[i] > 0.0:
-            found += [(middle, axis, half[i]) for middle in corners_of(across)]
+            found += [(middle, axis, half[i]) for middle in corners_of((x, y, z))]
     return found
 
 
@@ -67,10 +70,10 @@ def _law(contact: BoxesContact) -> dict[str, Any]:
 
 def _placed(a: Vector, point: Vector, axes: Matrix) -> Vector:
     """Return a place in a box, from its middle along its axes, in those of the body."""
-    return add(point, _turned(a, axes))
+    return add(point, _rotated(a, axes))
 
 
-def _turned(a: Vector, axes: Matrix) -> Vector:
+def _rotated(a: Vector, axes: Matrix) -> Vector:
     """Return a vector along the axes of a box in those of the body, to the last digit where these
     are the same.
     """
