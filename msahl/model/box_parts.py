@@ -27,10 +27,7 @@ def parts_of(contact: BoxesContact) -> Iterator[Part]:
     """
     name, law = contact.name, _law(contact)
     own, of_parent = (contact.child_point, contact.axes), (contact.parent_point, IDENTITY)
-    radii, swapped = (
-        (contact.parent_radius, contact.radius),
-        (contact.radius, contact.parent_radius),
-    )
+    radii = (contact.parent_radius, contact.radius)
     ends = (contact.parent, contact.child, contact.parent_point)
     for k, corner in enumerate(corners_of(contact.half), start=1):
         at = _placed(corner, *own)

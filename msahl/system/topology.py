@@ -336,13 +336,12 @@ def _coordinates(elements: Elements, parts: np.ndarray, blocks: Blocks) -> Indic
         "kind": indices([coordinate.kind for coordinate, _ in elements.coordinates]),
         "first": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         "block": block.reshape(-1, PARTS * PARTS),
-        "of_contacts": _idle(elements),
-        "idle": _idle(elements),
+        "of_contacts": _of_contacts(elements),
     }
 
 
-def _idle(elements: Elements) -> np.ndarray:
-    """(q,) coordinates of a new system whose changes nobody asks for: angles are counted."""
+def _of_contacts(elements: Elements) -> np.ndarray:
+    """(q,) coordinates along which nothing but contacts acts, and whose angles are not counted."""
     counted = np.array([coordinate.kind == ANGLE for coordinate, _ in elements.coordinates])
     return _of_open_contacts(elements) & ~counted
 
