@@ -133,7 +133,7 @@ class ContactModes:
         if event is not None and event < was.size:
             near[event] = True
         which = np.flatnonzero(was | near)
-        which = which[~np.isin(which, self.held.needless(which, event))]
+        which = which[~np.isin(which, self.held.needless(which))]
         self.next_touch = math.inf
         self._count(which)
         if not which.size:

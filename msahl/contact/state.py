@@ -215,17 +215,12 @@ class ContactState:
         found = (k for k, half, m, _ in self._segments(which) if segments.side_by_side(half, m))
         return next(found, None)
 
-    def needless(self, which: np.ndarray, event: int | None) -> list[int]:
+    def needless(self, which: np.ndarray) -> list[int]:
         """Return those of the contacts ``which`` that are between edges of boxes that do not cross
-        in the configuration of the last ``gaps``: contacts of corners stand for them. That of an
-        ``event`` stays if its nearest points are unique: it touches before the corner by round-off.
+        in the configuration of the last ``gaps``: contacts of corners stand for them.
         """
         edges = which[self.contacts.between_edges[which]]
-        return [
-            k
-            for k, half, m, dm in self._segments(edges)
-            if not segments.cross(half, m, dm) and (k != event or segments.side_by_side(half, m))
-        ]
+        return [k for k, half, m, dm in self._segments(edges) if not segments.cross(half, m, dm)]
 
     def _segments(self, which: np.ndarray) -> Iterator[Lines]:
         """Yield what ``Lines`` says of those of the contacts ``which`` that are of segments."""
