@@ -342,8 +342,9 @@ def _coordinates(elements: Elements, parts: np.ndarray, blocks: Blocks) -> Indic
 
 def _of_contacts(elements: Elements) -> np.ndarray:
     """(q,) coordinates along which nothing but contacts acts, and whose angles are not counted."""
-    counted = np.array([coordinate.kind == ANGLE for coordinate, _ in elements.coordinates])
-    return _of_open_contacts(elements) & ~counted
+    angles = [coordinate.kind == ANGLE for coordinate, _ in elements.coordinates]
+    found: np.ndarray = _of_open_contacts(elements) & ~np.array(angles, dtype=bool)
+    return found
 
 
 def _of_open_contacts(elements: Elements) -> np.ndarray:
