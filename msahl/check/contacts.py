@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import Vector, axpy, cross, dot, sub
+from msahl.check.box_gaps import gap_of_boxes
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL
 from msahl.check.ends import FIT, ROUNDING, ends_findings, is_placed, points
@@ -15,12 +16,13 @@ from msahl.check.laws import law_findings
 from msahl.elements.constraints import curves, segments
 from msahl.elements.constraints.outlines import NoCurve, corners, curves_of, segments_of
 from msahl.laws.restitution import LEAST_RESTITUTION
+from msahl.model.contact_sides import ContactSide, sides_of
 from msahl.model.contacts import (
     BoxContact,
+    BoxesContact,
     CapsuleContact,
     Compliance,
     Contact,
-    ContactSide,
     DistanceLimit,
     JointLimit,
     PinContact,
@@ -28,9 +30,9 @@ from msahl.model.contacts import (
     SphereContact,
     WithFriction,
     friction_of,
-    sides_of,
 )
 
+Round = SphereContact | BoxContact | CapsuleContact | PinContact
 LARGEST_EXPONENT = 10.0
 _COINCIDE = "its points coincide at t = 0, which leaves it without a direction"
 _FLAT = (
@@ -68,6 +70,9 @@ def contact_findings(contact: Contact, context: Context) -> Iterator[Finding]:
     elif isinstance(contact, CapsuleContact):
         yield from _capsule_findings(contact)
         yield from _friction_findings(contact)
+    elif isinstance(contact, BoxesContact):
+        yield from _boxes_findings(contact)
+        yield from _friction_findings(contact)
     elif isinstance(contact, PinContact):
         yield from _pin_findings(contact)
         yield from _friction_findings(contact)
@@ -94,6 +99,23 @@ def _box_findings(contact: BoxContact) -> Iterator[Finding]:
             "it is zero, as parentRadius is: a point on a box with sharp edges has no direction "
         )
         yield Finding("radius", f"{message}of contact there; give one of them")
+
+
+def _boxes_findings(contact: BoxesContact) -> Iterator[Finding]:
+    yield from negative("radius", contact.radius)
+    yield from negative("parentRadius", contact.parent_radius)
+    for part, half in (("box", contact.parent_half), ("childBox", contact.half)):
+        for size in half:
+            yield from negative(part, 2.0 * size)
+    for whose, half in (("parent", contact.parent_half), ("child", contact.half)):
+        if not any(half):
+            yield Finding("", f"the {whose} has no size, so it is a sphere: give a size or no box")
+    if contact.radius + contact.parent_radius == 0.0:
+        message = "it is zero, as parentRadius is: boxes with sharp edges have no direction of "
+        yield Finding("radius", f"{message}contact there; give one of them")
+    if contact.compliance is not None:
+        message = "the contact of two boxes is rigid; delete it, or let corners be spheres of "
+        yield Finding("stiffness", f"{message}boxContacts of their own")
 
 
 def _capsule_findings(contact: CapsuleContact) -> Iterator[Finding]:
@@ -251,6 +273,9 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         return
     if isinstance(contact, JointLimit) or not is_placed(contact, context):
         return
+    if isinstance(contact, BoxesContact):
+        yield from _deepest(contact, context)
+        return
     here, there = points(contact, context)
     D = sub(there, here)
     if isinstance(contact, PlaneContact):
@@ -296,10 +321,19 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
             yield Finding("", _overlap(side, depth))
 
 
+def _deepest(contact: BoxesContact, context: Context) -> Iterator[Finding]:
+    """Find boxes that overlap at t = 0."""
+    gap = gap_of_boxes(contact, context)
+    size = max(*(math.hypot(*point) for point in points(contact, context)), context.extent)
+    limit = contact.parent_radius + contact.radius
+    if -gap > max(OVERLAP * limit, ROUNDING * size):
+        yield Finding("", _overlap(next(iter(sides_of(contact))), -gap))
+
+
 def _overlap(side: ContactSide, depth: float) -> str:
     if isinstance(side.contact, PlaneContact):
         return f"it is {depth:.4g} m below the plane at t = 0; move one of the bodies apart"
-    if isinstance(side.contact, SphereContact | BoxContact | CapsuleContact | PinContact):
+    if isinstance(side.contact, Round):
         return f"it overlaps by {depth:.4g} m at t = 0; move one of the bodies, or change a radius"
     end, way = ("lower", "below") if side.is_lower else ("upper", "above")
     return (

@@ -133,6 +133,7 @@ class ContactModes:
         if event is not None and event < was.size:
             near[event] = True
         which = np.flatnonzero(was | near)
+        which = which[~np.isin(which, self.held.needless(which))]
         self.next_touch = math.inf
         self._count(which)
         if not which.size:
@@ -153,12 +154,15 @@ class ContactModes:
         return float(self.held.state.time[0])
 
     def _cause(self, event: int, was: np.ndarray, which: np.ndarray) -> Cause:
-        """Return what an ``event`` says of its contact, one of ``which``."""
-        if event < was.size:
-            place = int(np.flatnonzero(which == event)[0])
-            return Cause(opens=place) if was[event] else Cause()
+        """Return what an ``event`` says of its contact, if it is one of ``which``."""
         own = event - was.size
-        place = int(np.flatnonzero(self.held.contacts.sliding[which] == own)[0])
+        number = which if own < 0 else self.held.contacts.sliding[which]
+        found = np.flatnonzero(number == (event if own < 0 else own))
+        if not found.size:
+            return Cause()
+        place = int(found[0])
+        if own < 0:
+            return Cause(opens=place) if was[event] else Cause()
         slid = self.held.slides[which]
         return Cause(slips=place, slid=slid) if self.held.sticks[own] else Cause(ends=place)
 

@@ -4,14 +4,17 @@ Impulses, and what removes round-off from positions and velocities, change the m
 the work of each; ``forces`` and ``modes`` decide what happens.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from msahl.algebra.vector import Vector
 from msahl.contact import response as of_contacts
 from msahl.contact.friction import Cones
 from msahl.contact.response import Response
 from msahl.elements.constraints import segments
+from msahl.elements.constraints.coordinates import product_rates
 from msahl.formulations.absolute.frames import first_multiplier
 from msahl.start.velocities import project, solve_accelerations
 from msahl.system.arrays import State, System
@@ -34,6 +37,8 @@ resolved."""
 END = 1e-6
 """Slip at the event that ends it, over the largest speed, that is zero: where its direction changes
 faster than steps resolve. The way that is left goes by its square."""
+NO_FORCE = 1e-12
+"""Force of a contact, over the largest one, that is round-off of the solution: it does not press."""
 CHANGING = ("friction", "toward", "still")
 """Arrays of the contacts with friction that change during a run."""
 TOUCHING = 10.0
@@ -41,6 +46,10 @@ TOUCHING = 10.0
 OVERLAP = 1e4
 """Overlap at t = 0, over the round-off of the gap, that is that of the digits a deck omits: 1e-9
 of the size of the model."""
+
+
+Lines = tuple[int, tuple[float, float], Vector, Vector]
+"""A contact between segments: its number, their half lengths [m], ``m`` and its rates."""
 
 
 class After(NamedTuple):
@@ -205,16 +214,28 @@ class ContactState:
         """Return the first of the contacts ``which`` that is of two capsules that touch along a
         line, in the configuration of the last ``gaps``; None without one.
         """
+        found = (k for k, half, m, _ in self._segments(which) if segments.side_by_side(half, m))
+        return next(found, None)
+
+    def needless(self, which: np.ndarray) -> list[int]:
+        """Return those of the contacts ``which`` that are between edges of boxes that do not cross
+        in the configuration of the last ``gaps``: contacts of corners stand for them.
+        """
+        edges = which[self.contacts.between_edges[which]]
+        return [k for k, half, m, dm in self._segments(edges) if not segments.cross(half, m, dm)]
+
+    def _segments(self, which: np.ndarray) -> Iterator[Lines]:
+        """Yield what ``Lines`` says of those of the contacts ``which`` that are of segments."""
         assert self.system.scalar is not None
-        group = self.system.scalar.coordinates
-        m = self.work_arrays.start.scalar.coordinates.products.value
+        group, start = self.system.scalar.coordinates, self.work_arrays.start
+        own, motion = start.scalar.coordinates, (start.frames.v, start.frames.W)
         for k in which.tolist():
             q = self.coordinate[k]
             if group.ends is not None and group.kind[q] == segments.SEGMENTS:
-                half = segments.half_lengths(group.ends, q)
-                if segments.side_by_side(half, segments.last_three(m, group.first[q])):
-                    return int(k)
-        return None
+                first = int(group.first[q])
+                m = segments.last_three(own.products.value, first)
+                rates = [product_rates(group, own, *motion, first + i)[0] for i in (3, 4, 5)]
+                yield k, segments.half_lengths(group.ends, q), m, (rates[0], rates[1], rates[2])
 
     def lift(self, response: Response) -> None:
         """Remove overlaps by round-off: an open contact must not begin with one."""
@@ -247,7 +268,8 @@ class ContactState:
         """
         system, state, which = self.system, self.state, response.which
         value, _, _ = self.gaps()
-        presses = after.force[: which.size] > 0.0
+        normal = after.force[: which.size]
+        presses = normal > NO_FORCE * normal.max(initial=0.0)
         now = np.zeros(self.contacts.row.size, dtype=bool)
         now[which] = presses
         set_closed(system, self.contacts, now, value)

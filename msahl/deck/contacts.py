@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import product
 
 from msahl.algebra.functions import Law
-from msahl.algebra.vector import IDENTITY, Vector, add, axpy
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, add, axpy
 from msahl.check.contacts import LARGEST_EXPONENT, contact_findings, overlap_findings
 from msahl.check.context import INERTIAL
 from msahl.check.directions import PARALLEL, frame, sine
@@ -24,6 +24,7 @@ from msahl.deck.values import Reader
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
+    BoxesContact,
     CapsuleContact,
     Compliance,
     Contact,
@@ -123,6 +124,36 @@ def _points(element: Element, ends: Ends, contact: BetweenPoints, reader: Reader
     return [add(ends.child_point, (x, y, z)) for x, y, z in corners]
 
 
+def _half_sizes(box: Element, reader: Reader) -> Vector:
+    """Return half the sizes of a box [m]."""
+    x, y, z = (0.5 * size for size in _sizes(box, reader))
+    return x, y, z
+
+
+def _childs_box(element: Element, ends: Ends, reader: Reader) -> tuple[Vector, Matrix] | None:
+    """Return half the sizes of the child's box, or capsule, of a ``boxContact`` [m], and its axes;
+    None of a sphere.
+    """
+    box, length = element.find("childBox"), element.find("length")
+    if box is not None:
+        for other in (length, element.find("child/axis")):
+            if other is not None:
+                reader.faults.add(other, "the child is a box; delete it, or <childBox>")
+        return _half_sizes(box, reader), IDENTITY
+    if length is None:
+        axis = element.find("child/axis")
+        if axis is not None:
+            reader.faults.add(axis, "it is that of a capsule; add its <length>, or delete it")
+        return None
+    half = 0.5 * reader.number(length, "length")
+    if half <= 0.0:
+        message = f"it is {2.0 * half:g} m; it must be greater than zero; delete it for a sphere"
+        reader.faults.add(length, message)
+    if element.find("child/axis") is None:
+        reader.faults.add(length, "a capsule has an axis; give the child an <axis>, or delete it")
+    return (0.0, 0.0, half), frame(_childs_axis(element, ends, reader))
+
+
 def _sizes(box: Element, reader: Reader) -> list[float]:
     """Return the sizes of a box [m]."""
     sizes = [*reader.numbers(box, ("x", "y", "z"), "length")]
@@ -158,8 +189,12 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
         return _pin_contact(element, ends, radius, law, friction, reader)
     parent_radius = reader.number(element.find("parentRadius"), "length")
     if (box := element.find("box")) is not None:
-        x, y, z = (0.5 * size for size in _sizes(box, reader))
-        return BoxContact(name, *points, (x, y, z), parent_radius, radius, *law, *friction)
+        half, radii = _half_sizes(box, reader), (parent_radius, radius)
+        childs = _childs_box(element, ends, reader)
+        if childs is not None:
+            sides = (half, childs[0])
+            return BoxesContact(name, *points, *sides, *radii, *law, *friction, childs[1])
+        return BoxContact(name, *points, half, *radii, *law, *friction)
     if element.tag == "capsuleContact":
         axis = _parents_direction(element, "axis", ends, reader)
         other = _childs_axis(element, ends, reader)

@@ -39,7 +39,14 @@ from msahl.model import (
     SphereContact,
     SpringDamper,
 )
-from msahl.model.contacts import BetweenPoints, BoxContact, CapsuleContact, Contact, WithFriction
+from msahl.model.contacts import (
+    BetweenPoints,
+    BoxContact,
+    BoxesContact,
+    CapsuleContact,
+    Contact,
+    WithFriction,
+)
 from msahl.model.curves import STRAIGHT, Point
 
 Sides = tuple[Matrix, Matrix]
@@ -195,11 +202,30 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
     element = _named(group, "boxContact" if is_box else "cylinderContact", contact.name)
     parent, _ = _ends(element, contact, None)
     if is_box:
-        box = child(element, "box")
-        for tag, half in zip(("x", "y", "z"), contact.half, strict=True):
-            number_unless(box, 0.0, tag, 2.0 * half, "length")
+        _box(element, "box", contact.half)
     else:
         vector(parent, "axis", contact.axes[2])
+        number(element, "length", 2.0 * contact.half[2], "length")
+    number(element, "parentRadius", contact.parent_radius, "length")
+    number_unless(element, 0.0, "radius", contact.radius, "length")
+    _contact_law(element, contact, "slide")
+    _friction(element, contact)
+
+
+def _box(element: Element, tag: str, half: Vector) -> None:
+    box = child(element, tag)
+    for axis, size in zip(("x", "y", "z"), half, strict=True):
+        number_unless(box, 0.0, axis, 2.0 * size, "length")
+
+
+def _boxes_contact(group: Element, contact: BoxesContact, context: Context) -> None:
+    element = _named(group, "boxContact", contact.name)
+    _, own = _ends(element, contact, None)
+    _box(element, "box", contact.parent_half)
+    if contact.axes == IDENTITY:
+        _box(element, "childBox", contact.half)
+    else:
+        vector(own, "axis", contact.axes[2])
         number(element, "length", 2.0 * contact.half[2], "length")
     number(element, "parentRadius", contact.parent_radius, "length")
     number_unless(element, 0.0, "radius", contact.radius, "length")
@@ -381,6 +407,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     PlaneContact: _plane_contact,
     SphereContact: _sphere_contact,
     BoxContact: _box_contact,
+    BoxesContact: _boxes_contact,
     CapsuleContact: _capsule_contact,
     PinContact: _pin_contact,
     ConcentratedLoad: _concentrated,

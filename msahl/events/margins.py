@@ -9,6 +9,8 @@ An event is that a scalar y of the motion reaches a level:
     FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
     REACTING     y is an expression of joints' reactions at the same time, a place on the tape
     KINK         y is the kink of a distance (``curves``, ``segments``, boxes)    [m or rad]
+    CROSSING     y is the distance of two edges of boxes, and what their nearest points are
+                 beyond their ends: corners stand for edges that do not cross            [m]
 
 Levels are the breaks of a law of y, counted from an origin, or else ``-level`` and ``level``, which
 may be one; of a switch of an expression (``expressions.tape``) zero or the integers. An event
@@ -40,7 +42,9 @@ from msahl.algebra.functions import PIECES, Law, Laws, build_laws, joined, piece
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import from_boxes
 from msahl.elements.constraints.curves import CURVE
+from msahl.elements.constraints.edges import past_ends
 from msahl.elements.constraints.equations import is_active
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.segments import SEGMENTS
 from msahl.events.expressions import (
     NO_TIMES,
@@ -52,13 +56,13 @@ from msahl.events.expressions import (
 )
 from msahl.expressions.known_times import KnownTimes
 from msahl.expressions.tape import FREE, SIGN
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, optional
 from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
 from msahl.system.switches import FALLS, NEVER, Conditions
 
-EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION, KINK = range(7)
+EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION, KINK, CROSSING = range(8)
 END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
@@ -247,7 +251,8 @@ def _of_contacts(system: System, contacts: Contacts) -> Iterator[Margin]:
             place = 3 * int(rows.place[r, 0]) + int(rows.place[r, 1])
             yield Margin(FORCE, place, CONTACT, direction=direction)
         else:
-            gap = Margin(COORDINATE, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
+            kind = CROSSING if contacts.between_edges[k] else COORDINATE
+            gap = Margin(kind, int(rows.coordinate[r, 0]), CONTACT, direction=direction)
             level = float(contacts.limit[k]) if contacts.acts[k] else direction * math.inf
             yield gap._replace(level=level, near=float(contacts.round_off[k]))
     group = system.forces.sliding
@@ -327,8 +332,17 @@ def set_values(margins: Margins, system: System, start: SystemWorkspace, value: 
             value[k] = margins.coordinate[item]
         elif kind == RATE:
             value[k] = margins.rate[item]
+        elif kind == CROSSING:
+            value[k] = margins.coordinate[item] + _past_ends(system.scalar, start.scalar, item)
         elif kind == KINK:
             value[k] = scalar.kink(system.scalar, start.scalar, item)
+
+
+@optional(0.0)
+def _past_ends(group: ScalarConstraints, start: ScalarWorkspace, q: int) -> float:
+    """Return what the nearest points of the lines of two edges are beyond their ends [m]."""
+    of = group.coordinates
+    return past_ends(of.ends, q, start.coordinates.products.value, of.first[q])
 
 
 @kernel

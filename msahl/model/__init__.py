@@ -3,11 +3,12 @@
 from msahl.algebra.functions import Law
 from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
+from msahl.model.contact_sides import ContactSide
 from msahl.model.contacts import (
     BoxContact,
+    BoxesContact,
     CapsuleContact,
     Compliance,
-    ContactSide,
     DistanceLimit,
     JointLimit,
     PinContact,
@@ -53,6 +54,7 @@ __all__ = [
     "Beam",
     "BeamShape",
     "BoxContact",
+    "BoxesContact",
     "Bushing",
     "CapsuleContact",
     "Compliance",

@@ -1,12 +1,8 @@
 """Records of contacts: one-sided constraints with impacts, in SI units.
 
-Each says that a coordinate q of the motion does not leave a range. A *side* is one end of it, with
-the gap that is zero at the end and never negative:
-
-    lower:  q - limit >= 0        upper:  limit - q >= 0
-
-A contact with a ``compliance`` gives way instead: a gap of less than zero is a depth, by which it
-pushes (``laws.contact``).
+Each says that a coordinate q of the motion does not leave a range (``contact_sides``). A contact
+with a ``compliance`` gives way instead: a gap of less than zero is a depth, by which it pushes
+(``laws.contact``).
 """
 
 from typing import TypeAlias
@@ -153,6 +149,32 @@ class CapsuleContact:
 
 
 @record
+class BoxesContact:
+    """A box of the child is outside of a box of the parent. Each is about its point, the parent's
+    along the parent's axes and the child's along the rows of ``axes`` (child's axes), with half
+    sizes ``parent_half`` and ``half`` between the middles of its corners, and edges and corners
+    rounded by ``parent_radius`` and ``radius``; a capsule is one with one size. It is made of
+    contacts between corners, edges and boxes (``box_parts``). Points, sizes [m] and friction as
+    above; it is rigid.
+    """
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_half: Vector
+    half: Vector
+    parent_radius: float
+    radius: float
+    restitution: float = 0.0
+    compliance: Compliance | None = None
+    friction: float = 0.0
+    static_friction: float | None = None
+    axes: Matrix = IDENTITY
+
+
+@record
 class PinContact:
     """A pin of the child about ``child_point``, or a point (``radius`` 0), is on the free side of a
     planar ``curve`` of the parent about ``parent_point``, in the plane of the first two rows of
@@ -174,51 +196,11 @@ class PinContact:
     reference: Vector = IDENTITY[0]
 
 
-WithFriction: TypeAlias = PlaneContact | SphereContact | BoxContact | CapsuleContact | PinContact
+WithFriction: TypeAlias = (
+    PlaneContact | SphereContact | BoxContact | CapsuleContact | BoxesContact | PinContact
+)
 BetweenPoints: TypeAlias = DistanceLimit | WithFriction
 Contact: TypeAlias = JointLimit | BetweenPoints
-
-
-@record
-class ContactSide:
-    """One side of a ``contact``: of a range with two ends the name has the end behind a point."""
-
-    name: str
-    contact: Contact
-    is_lower: bool
-    limit: float  # [m or rad]
-
-    @property
-    def sign(self) -> float:
-        """Return 1 if the gap is larger where the coordinate is, -1 if it is smaller."""
-        return 1.0 if self.is_lower else -1.0
-
-    @property
-    def is_angle(self) -> bool:
-        """Return whether the coordinate is an angle."""
-        return isinstance(self.contact, JointLimit) and self.contact.coordinate == "angle"
-
-
-def sides_of(contact: Contact) -> tuple[ContactSide, ...]:
-    """Return the sides of a contact, the lower one first."""
-    if isinstance(contact, PlaneContact):
-        limit = contact.radius if contact.axis is None else 0.0
-        return (ContactSide(contact.name, contact, True, limit),)
-    if isinstance(contact, SphereContact):
-        limit = abs(contact.parent_radius + contact.radius)
-        return (ContactSide(contact.name, contact, contact.parent_radius >= 0.0, limit),)
-    if isinstance(contact, BoxContact | CapsuleContact):
-        limit = contact.parent_radius + contact.radius
-        return (ContactSide(contact.name, contact, True, limit),)
-    if isinstance(contact, PinContact):
-        return (ContactSide(contact.name, contact, True, contact.radius),)
-    given = [
-        (lower, limit)
-        for lower, limit in ((True, contact.lower), (False, contact.upper))
-        if limit is not None
-    ]
-    names = [contact.name] if len(given) == 1 else [f"{contact.name}.{e}" for e in ENDS]
-    return tuple(ContactSide(name, contact, *end) for name, end in zip(names, given, strict=False))
 
 
 def friction_of(contact: Contact) -> tuple[float, float]:
@@ -227,6 +209,3 @@ def friction_of(contact: Contact) -> tuple[float, float]:
         return 0.0, 0.0
     grip = contact.static_friction
     return contact.friction, contact.friction if grip is None else grip
-
-
-ENDS = ("lower", "upper")

@@ -11,7 +11,8 @@ from typing import TypeAlias
 from msahl.algebra.vector import Vector
 from msahl.model.beams import Beam
 from msahl.model.bodies import Ground, RigidBody
-from msahl.model.contacts import Contact, ContactSide, sides_of
+from msahl.model.contact_sides import ContactSide, sides_of
+from msahl.model.contacts import Contact
 from msahl.model.couplings import Coupling
 from msahl.model.elastic import ElasticBody
 from msahl.model.events import Event

@@ -67,7 +67,7 @@ class Switching:
     ) -> None:
         self.deck, self.column = model.events, work_of_events(model)
         self.switches, self.conditions, self.contacts = switched, conditions, contacts
-        self.sides = np.array([side.contact.name for side in model.contact_sides], dtype=object)
+        self.sides = np.array([side.of for side in model.contact_sides], dtype=object)
         self.system, self.state, self.before = system, state, unknowns
         rises = {name: np.zeros_like(state.v_rise) for name in ("v_rise", "w_rise")}
         still = state._replace(**rises)

@@ -51,18 +51,17 @@ from msahl.laws.restitution import damping_of
 from msahl.laws.spring import SPRING
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
+from msahl.model.contact_sides import ContactSide, sides_of
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
     CapsuleContact,
     Contact,
-    ContactSide,
     JointLimit,
     PinContact,
     PlaneContact,
     SphereContact,
     friction_of,
-    sides_of,
 )
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.elastic import AXES, ElasticBody, Follower

@@ -33,6 +33,7 @@ class Contacts(NamedTuple):
     friction: np.ndarray  # (c,) coefficient while it slides
     sliding: np.ndarray  # (c,) its number among the contacts with friction; -1 without
     acts: np.ndarray  # (c,) whether it can close: events may release it; changes during a run
+    between_edges: np.ndarray  # (c,) closes only where two edges of boxes cross
 
 
 def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
@@ -56,7 +57,8 @@ def contacts_of(model: Model, system: System, state: State) -> Contacts | None:
         column=column,
         friction=np.array([friction_of(side.contact)[0] for side in sides]),
         sliding=number,
-        acts=np.array([side.contact.name not in model.released for side in sides]),
+        acts=np.array([side.of not in model.released for side in sides]),
+        between_edges=np.array([side.between_edges for side in sides]),
     )
 
 
@@ -92,9 +94,27 @@ def set_closed(system: System, contacts: Contacts, which: np.ndarray, value: np.
     assert system.scalar is not None
     rows, group = system.scalar.equations, system.forces.sliding
     _set(rows, contacts.row, which, value)
+    _let_idle(system)
     if group is not None:
         _set(rows, group.tangent.reshape(-1), np.zeros(2 * group.row.size, dtype=bool), value)
         group.friction[:] = 0.0
+
+
+def _let_idle(system: System) -> None:
+    """Let the coordinates rest along which nothing but open contacts acts; the slips of a closed
+    one are needed whether it sticks or slides.
+    """
+    assert system.scalar is not None
+    rows, group, coords = (
+        system.scalar.equations,
+        system.forces.sliding,
+        system.scalar.coordinates,
+    )
+    active, used = is_active(rows), np.zeros(coords.kind.size, dtype=bool)
+    used[rows.coordinate[active, 0]] = True
+    if group is not None:
+        used[group.along[active[group.row]]] = True
+    coords.idle[:] = coords.of_contacts & ~used
 
 
 def set_sticking(system: System, which: np.ndarray, value: np.ndarray) -> None:

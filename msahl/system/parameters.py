@@ -161,6 +161,7 @@ def _scalar(
             radius=_numbers(coordinate.radius for coordinate, _ in elements.coordinates),
             curves=curves_of([coordinate.curve for coordinate, _ in elements.coordinates]),
             ends=_ends([coordinate.ends for coordinate, _ in elements.coordinates]),
+            idle=topology.coordinates["of_contacts"].copy(),
         ),
         equations=_equations(elements, topology, frames),
         laws=laws,

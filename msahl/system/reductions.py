@@ -278,6 +278,8 @@ def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates
         block=group.block[used],
         curves=curves.subset(group.curves, used),
         ends=_ends(group.ends, used),
+        of_contacts=group.of_contacts[used],
+        idle=group.idle[used],
     )
     return coords, number
 

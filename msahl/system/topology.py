@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.elements.beams.shape import elements_of
+from msahl.elements.constraints.coordinate_kinds import ANGLE
 from msahl.elements.constraints.products import DOT, PARTS
 from msahl.elements.reactions import Shown
 from msahl.formulations.absolute.frames import NODES
@@ -340,7 +341,15 @@ def _coordinates(elements: Elements, parts: np.ndarray, blocks: Blocks) -> Indic
         "kind": indices([coordinate.kind for coordinate, _ in elements.coordinates]),
         "first": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         "block": block.reshape(-1, PARTS * PARTS),
+        "of_contacts": _of_contacts(elements),
     }
+
+
+def _of_contacts(elements: Elements) -> np.ndarray:
+    """(q,) coordinates along which nothing but contacts acts, and whose angles are not counted."""
+    angles = [coordinate.kind == ANGLE for coordinate, _ in elements.coordinates]
+    found: np.ndarray = _of_open_contacts(elements) & ~np.array(angles, dtype=bool)
+    return found
 
 
 def _of_open_contacts(elements: Elements) -> np.ndarray:

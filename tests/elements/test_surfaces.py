@@ -52,6 +52,7 @@ class Slips:
         model = build_model(bodies, contacts=(contact,))
         self.system = build_system(model)
         self.group = self.system.scalar.coordinates
+        self.group.idle[:] = False  # as those of a closed contact are
         self.own = self.system.forces.sliding.along[0]
         state = build_state(model, self.system)
         self.x, self.p = state.x.copy(), state.p.copy()

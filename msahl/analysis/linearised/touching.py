@@ -75,7 +75,7 @@ def touch(system: System, state: State, before: Touching) -> InTouch:
     contacts, names = before.contacts, before.names
     system, unknowns = in_mode(system, contacts, state)
     work_arrays = new_work_arrays(system, state)
-    _, gap, rate = gaps(system, contacts, state, work_arrays)
+    _, gap, _ = gaps(system, contacts, state, work_arrays)
     _require_apart(contacts, names, gap)
     near = np.flatnonzero(contacts.acts & (gap <= TOUCHING * contacts.round_off))
     if not near.size:
@@ -83,6 +83,7 @@ def touch(system: System, state: State, before: Touching) -> InTouch:
         return InTouch(system, state, unknowns, apart(contacts, names))
     response = respond(system, contacts, near, state, unknowns, work_arrays)
     b, size = accelerations(system, response, state, unknowns, work_arrays)
+    _, _, rate = gaps(system, contacts, state, work_arrays)  # those of closed contacts
     length = float(contacts.round_off.max()) / NEAR
     still = STILL * max(_largest_speed(system, work_arrays), float(np.sqrt(length * size)))
     speed = response.sign * rate[_coordinates(system, response.row)]
@@ -165,8 +166,10 @@ def _own_arrays(system: System) -> System:
     """Return the system with those arrays of its own that say how contacts are."""
     assert system.scalar is not None
     rows, group = system.scalar.equations, system.forces.sliding
+    coords = system.scalar.coordinates._replace(idle=system.scalar.coordinates.idle.copy())
     own = rows._replace(coefficient=rows.coefficient.copy(), offset=rows.offset.copy())
-    system = system._replace(scalar=system.scalar._replace(equations=own))
+    scalar = system.scalar._replace(coordinates=coords, equations=own)
+    system = system._replace(scalar=scalar)
     if group is None:
         return system
     copies = {name: getattr(group, name).copy() for name in ("friction", "toward", "still")}

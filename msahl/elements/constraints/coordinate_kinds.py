@@ -49,6 +49,8 @@ class Coordinates(NamedTuple):
     block: np.ndarray  # (q, 16) starts of the blocks of its four parts by four parts
     curves: Curves | None
     ends: np.ndarray | None  # (q, 2) half lengths of a SEGMENTS, else 0 [m]
+    of_contacts: np.ndarray  # (q,) whether nothing but contacts acts along it
+    idle: np.ndarray  # (q,) and these are open; changes during a run
 
 
 class CoordinatesWorkspace(NamedTuple):

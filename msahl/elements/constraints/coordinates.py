@@ -41,14 +41,18 @@ def prepare(
 def evaluate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
-    """Set changes, weights and unit forces at ``Z``, and the loads and their sizes to 0."""
+    """Set changes, weights and unit forces at ``Z``, and the loads and their sizes to 0; of
+    coordinates along which nothing acts the changes are set to 0 and all else is left.
+    """
     for node in range(start.term_size.size):
         start.term_size[node] = 0.0
     m = start.products
-    products.evaluate(group.products, m, frames, Z)
-    surfaces.evaluate(group.products.surfaces, group.products, m, frames, Z)
     for q in range(group.kind.size):
         start.load[q] = start.size[q] = 0.0
+        if group.idle[q]:
+            start.change[q] = 0.0
+            continue
+        _evaluate_products(group, start, frames, Z, q)
         weigh(group, start, q)
         first = group.first[q]
         for i in range(3):
@@ -64,15 +68,31 @@ def evaluate(
             start.force[q, Q_B, i] = t_b
 
 
+@kernel
+def _evaluate_products(
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray, q: int
+) -> None:
+    """Set changes and discrete gradients of the products of a coordinate."""
+    own, m = group.products, start.products
+    for k in range(group.first[q], group.first[q + 1]):
+        if own.kind[k] == SURFACE:
+            surfaces.evaluate(own.surfaces, own, m, frames, Z, k)
+        else:
+            products.evaluate(own, m, frames, Z, k)
+
+
 @unit
 def differentiate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
-    """Set the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``."""
+    """Set the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``, but of
+    coordinates along which nothing acts.
+    """
     m = start.products
-    products.differentiate(group.products, m, frames, Z)
-    surfaces.differentiate(group.products.surfaces, group.products, m, frames, Z)
     for q in range(group.kind.size):
+        if group.idle[q]:
+            continue
+        _differentiate_products(group, start, frames, Z, q)
         first = group.first[q]
         for part in range(PARTS):
             for i in range(3):
@@ -86,12 +106,27 @@ def differentiate(
                 start.slope[q, Q_B, i] += c * m.j_b[k, i]
 
 
+@kernel
+def _differentiate_products(
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray, q: int
+) -> None:
+    """Set the derivatives of the changes of the products of a coordinate."""
+    own, m = group.products, start.products
+    for k in range(group.first[q], group.first[q + 1]):
+        if own.kind[k] == SURFACE:
+            surfaces.differentiate(own.surfaces, own, m, frames, Z, k)
+        else:
+            products.differentiate(own, m, frames, Z, k)
+
+
 @apart
 def push(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, factor: float, F: np.ndarray
 ) -> None:
     """Add ``factor`` times the gathered loads by mass to the equations of the frames."""
     for q in range(group.kind.size):
+        if group.idle[q]:
+            continue
         for part in range(PARTS):
             c = row_factor(group, frames, factor, q, part)
             node = part_node(group, frames, q, part)
@@ -147,9 +182,11 @@ def part_node(group: Coordinates, frames: Frames, q: int, part: int) -> int:
 @kernel
 def slopes(group: Coordinates, start: CoordinatesWorkspace) -> None:
     """Set the derivatives of q and of w to those at the start, as for a step without motion."""
-    for k in range(group.products.kind.size):
-        start.products.change[k] = 0.0
     for q in range(group.kind.size):
+        if group.idle[q]:
+            continue
+        for k in range(group.first[q], group.first[q + 1]):
+            start.products.change[k] = 0.0
         weigh(group, start, q)
 
 
@@ -183,10 +220,14 @@ def product_rates(
 def rates(
     group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, rate: np.ndarray
 ) -> None:
-    """Set ``rate`` (q,) to the rates at the start, after ``slopes`` or ``evaluate``."""
+    """Set ``rate`` (q,) to the rates at the start, after ``slopes`` or ``evaluate``; to 0 where
+    nothing acts.
+    """
     for q in range(group.kind.size):
         first = group.first[q]
         rate[q] = 0.0
+        if group.idle[q]:
+            continue
         for k in range(first, group.first[q + 1]):
             m_rate, _ = product_rates(group, start, v, W, k)
             rate[q] += start.slopes[q, k - first] * m_rate

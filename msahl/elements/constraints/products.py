@@ -145,13 +145,14 @@ def moved(
 
 
 @kernel
-def evaluate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray) -> None:
-    """Set every product's change over the step and its discrete gradient."""
-    for k in range(group.kind.size):
-        start.change[k], f, t_a, t_b = gradient(group, start, frames, Z, k)
-        put(start.f, k, f)
-        put(start.t_a, k, t_a)
-        put(start.t_b, k, t_b)
+def evaluate(
+    group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
+) -> None:
+    """Set the change of a product over the step and its discrete gradient."""
+    start.change[k], f, t_a, t_b = gradient(group, start, frames, Z, k)
+    put(start.f, k, f)
+    put(start.t_a, k, t_a)
+    put(start.t_b, k, t_b)
 
 
 @apart
@@ -190,13 +191,14 @@ def gradient(
 
 
 @kernel
-def differentiate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray) -> None:
-    """Set the derivatives of every product's change by the unknowns."""
-    for k in range(group.kind.size):
-        j_u, j_a, j_b = end_gradient(group, start, frames, Z, k)
-        put(start.j_u, k, j_u)
-        put(start.j_a, k, j_a)
-        put(start.j_b, k, j_b)
+def differentiate(
+    group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
+) -> None:
+    """Set the derivatives of a product's change by the unknowns."""
+    j_u, j_a, j_b = end_gradient(group, start, frames, Z, k)
+    put(start.j_u, k, j_u)
+    put(start.j_a, k, j_a)
+    put(start.j_b, k, j_b)
 
 
 @kernel

@@ -275,7 +275,7 @@ def free_acceleration(
             total = -evaluate(laws, rows.law[r], t)[2]
         for side in range(2):
             q = rows.coordinate[r, side]
-            if q < 0:
+            if q < 0 or scalar.coordinates.idle[q]:
                 continue
             second = coordinate_acceleration(scalar.coordinates, q_start, v, W, q)
             if side == 1 and rows.function[r] >= 0:

@@ -107,6 +107,26 @@ def side_by_side(half: tuple[float, float], m: Vector) -> bool:
     return 1.0 - s * s <= PARALLEL * PARALLEL and overlap > PARALLEL * (half[0] + half[1])
 
 
+def cross(half: tuple[float, float], m: Vector, dm: Vector) -> bool:
+    """Return whether the nearest points of the lines of two segments are on these, and stay there
+    as m changes at the rates ``dm``; those of parallel ones are not.
+    """
+    p, q, s = m
+    square = 1.0 - s * s
+    if square <= PARALLEL * PARALLEL:
+        return False
+    u, w = (p - s * q) / square, (s * p - q) / square
+    du, dw = feet_change(m, (u, w, False, False), dm)
+    return _stays(u, du, half[0]) and _stays(w, dw, half[1])
+
+
+def _stays(x: float, rate: float, half: float) -> bool:
+    """Return whether ``x`` is from -half to half, and is not about to leave at an end."""
+    if abs(abs(x) - half) <= PARALLEL * half:
+        return x * rate <= 0.0
+    return abs(x) < half
+
+
 @optional(0.0)
 def value(ends: np.ndarray, q: int, m: np.ndarray, k: int) -> float:
     """Return the distance of coordinate ``q``, by its products ``m`` from number ``k`` on."""

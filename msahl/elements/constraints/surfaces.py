@@ -194,17 +194,15 @@ def evaluate(
     start: ProductsWorkspace,
     frames: Frames,
     Z: np.ndarray,
+    k: int,
 ) -> None:
-    """Set the changes and discrete gradients of all slips, after ``products.evaluate``."""
-    for k in range(products.kind.size):
-        if products.kind[k] != SURFACE:
-            continue
-        f, t_a, t_b = unit_force(group, k, place_of(group, products, start, frames, Z, k))
-        u, spins = increments(products, frames, Z, k)
-        start.change[k] = dot(f, u) + dot(t_a, spins[0]) + dot(t_b, spins[1])
-        put(start.f, k, f)
-        put(start.t_a, k, t_a)
-        put(start.t_b, k, t_b)
+    """Set the change and the discrete gradient of a slip."""
+    f, t_a, t_b = unit_force(group, k, place_of(group, products, start, frames, Z, k))
+    u, spins = increments(products, frames, Z, k)
+    start.change[k] = dot(f, u) + dot(t_a, spins[0]) + dot(t_b, spins[1])
+    put(start.f, k, f)
+    put(start.t_a, k, t_a)
+    put(start.t_b, k, t_b)
 
 
 @kernel
@@ -271,19 +269,17 @@ def differentiate(
     start: ProductsWorkspace,
     frames: Frames,
     Z: np.ndarray,
+    k: int,
 ) -> None:
-    """Set the derivatives of all slips' changes by the unknowns, after ``evaluate``."""
-    for k in range(products.kind.size):
-        if products.kind[k] != SURFACE:
-            continue
-        a, b = products.a[k], products.b[k]
-        u, spins = increments(products, frames, Z, k)
-        own = at(start.f, k)
-        put(start.j_u, k, add(own, _row(group, products, start, frames, Z, k, U_B, u, spins)))
-        own = scale(1.0 / frames.length[a], at(start.t_a, k))
-        put(start.j_a, k, add(own, _row(group, products, start, frames, Z, k, Q_A, u, spins)))
-        own = scale(1.0 / frames.length[b], at(start.t_b, k))
-        put(start.j_b, k, add(own, _row(group, products, start, frames, Z, k, Q_B, u, spins)))
+    """Set the derivatives of a slip's change by the unknowns, after ``evaluate``."""
+    a, b = products.a[k], products.b[k]
+    u, spins = increments(products, frames, Z, k)
+    own = at(start.f, k)
+    put(start.j_u, k, add(own, _row(group, products, start, frames, Z, k, U_B, u, spins)))
+    own = scale(1.0 / frames.length[a], at(start.t_a, k))
+    put(start.j_a, k, add(own, _row(group, products, start, frames, Z, k, Q_A, u, spins)))
+    own = scale(1.0 / frames.length[b], at(start.t_b, k))
+    put(start.j_b, k, add(own, _row(group, products, start, frames, Z, k, Q_B, u, spins)))
 
 
 @kernel

@@ -60,11 +60,12 @@ def happenings(
     """Return what the viewer shows of the contacts of a model, and of the ``events`` of its run;
     None if there is nothing. ``loads`` are those of compliant contacts, which have no events.
     """
+    body, rows = numbers(model), {} if events is None else dict(list(events.groupby("element")))
     rigid = () if events is None else model.contact_sides
-    sides = (*rigid, *model.compliant_sides)[:MOST_CONTACTS]
+    seen = [side for side in rigid if side.name in rows or not side.between_edges]
+    sides = (*seen, *model.compliant_sides)[:MOST_CONTACTS]
     if not sides and (events is None or not len(events)):
         return None
-    body, rows = numbers(model), {} if events is None else dict(list(events.groupby("element")))
     contacts = []
     for side in sides:
         place = _place(side, model, body)
