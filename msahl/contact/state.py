@@ -37,8 +37,6 @@ resolved."""
 END = 1e-6
 """Slip at the event that ends it, over the largest speed, that is zero: where its direction changes
 faster than steps resolve. The way that is left goes by its square."""
-NO_FORCE = 1e-12
-"""Force of a contact, over the largest one, that is round-off of the solution: it does not press."""
 CHANGING = ("friction", "toward", "still")
 """Arrays of the contacts with friction that change during a run."""
 TOUCHING = 10.0
@@ -268,8 +266,7 @@ class ContactState:
         """
         system, state, which = self.system, self.state, response.which
         value, _, _ = self.gaps()
-        normal = after.force[: which.size]
-        presses = normal > NO_FORCE * normal.max(initial=0.0)
+        presses = after.force[: which.size] > 0.0
         now = np.zeros(self.contacts.row.size, dtype=bool)
         now[which] = presses
         set_closed(system, self.contacts, now, value)
