@@ -18,6 +18,7 @@ from msahl.elements.constraints.outlines import NoCurve, corners, curves_of, seg
 from msahl.laws.restitution import LEAST_RESTITUTION
 from msahl.model.contact_sides import ContactSide, sides_of
 from msahl.model.contacts import (
+    BetweenPoints,
     BoxContact,
     BoxesContact,
     CapsuleContact,
@@ -295,19 +296,7 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         x, y = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes[:2])
         value = curves.value(curve, 0, x, y)
     else:
-        if isinstance(contact, SphereContact) and contact.axis is not None:
-            axis = context.rotated(contact.axis, contact.parent, INERTIAL)
-            D = axpy(-dot(axis, D), axis, D)
-        elif isinstance(contact, CapsuleContact):
-            axis = context.rotated(contact.parent_axis, contact.parent, INERTIAL)
-            other = context.rotated(contact.axis, contact.child, INERTIAL)
-            half, places = (contact.parent_half, contact.half), (dot(axis, D), dot(other, D))
-            u, w, _, _ = segments.feet(half, (*places, dot(axis, other)))
-            D = axpy(w, other, axpy(-u, axis, D))
-        if isinstance(contact, BoxContact):
-            own = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes)
-            pairs = zip(own, contact.half, strict=True)
-            D = tuple(max(abs(p) - half, 0.0) for p, half in pairs)  # type: ignore[assignment]
+        D = _nearest(contact, D, context)
         value = math.hypot(*D)
         if value <= FIT * max(side.limit for side in sides_of(contact)):
             yield Finding("", _COINCIDE)
@@ -319,6 +308,24 @@ def overlap_findings(contact: Contact, context: Context) -> Iterator[Finding]:
         depth = -side.sign * (value - side.limit)
         if depth > max(OVERLAP * abs(side.limit), ROUNDING * size, OVERLAP * math.hypot(*D)):
             yield Finding("", _overlap(side, depth))
+
+
+def _nearest(contact: BetweenPoints, D: Vector, context: Context) -> Vector:
+    """Return the distance of what is nearest of both bodies, from that of their points ``D``."""
+    if isinstance(contact, SphereContact) and contact.axis is not None:
+        axis = context.rotated(contact.axis, contact.parent, INERTIAL)
+        D = axpy(-dot(axis, D), axis, D)
+    elif isinstance(contact, CapsuleContact):
+        axis = context.rotated(contact.parent_axis, contact.parent, INERTIAL)
+        other = context.rotated(contact.axis, contact.child, INERTIAL)
+        half, places = (contact.parent_half, contact.half), (dot(axis, D), dot(other, D))
+        u, w, _, _ = segments.feet(half, (*places, dot(axis, other)))
+        D = axpy(w, other, axpy(-u, axis, D))
+    if isinstance(contact, BoxContact):
+        own = (dot(D, context.rotated(a, contact.parent, INERTIAL)) for a in contact.axes)
+        pairs = zip(own, contact.half, strict=True)
+        D = tuple(max(abs(p) - half, 0.0) for p, half in pairs)  # type: ignore[assignment]
+    return D
 
 
 def _deepest(contact: BoxesContact, context: Context) -> Iterator[Finding]:
