@@ -15,7 +15,6 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix
 from msahl.check.context import context_of
 from msahl.check.directions import frame
-from msahl.deck.elastic import write_elastic_body
 from msahl.deck.elements import child, deck_bytes, lay_out, number, number_unless, numbers, vector
 from msahl.deck.faults import Element
 from msahl.deck.units import DEFAULTS, UNITS, to_si
@@ -168,6 +167,8 @@ def _write_bodies(group: Element, model: Model) -> None:
     bodies = {body.name: body for body in model.bodies}
     for body in model.bodies:
         if body.name in elastic:
+            from msahl.deck.elastic import write_elastic_body  # which few decks need
+
             own = elastic[body.name]
             element = child(group, "elasticBody")
             write_elastic_body(element, own, [bodies[name] for name in own.bodies])

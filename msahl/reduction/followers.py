@@ -96,10 +96,6 @@ def build_elastic_body(parts: Parts, start: Start) -> tuple[ElasticBody, tuple[R
     return body, (first, *(_follower(part, start) for part in followers))
 
 
-def _record(part: Part) -> Follower:
-    return Follower(part.name, _vector(part.place), _rows(part.shape), _rows(part.rotation))
-
-
 def _follower(part: Part, start: Start) -> RigidBody:
     """Return a body where the frame and the amplitudes place it, with their velocities."""
     R, w = np.array(matrix(start.orientation)), np.array(start.angular_velocity)

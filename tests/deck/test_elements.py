@@ -85,7 +85,7 @@ def test_every_element_has_a_deck():
     rare |= {"slide1Rate", "slide2", "slide2Rate", "P1", "P2", "P3"}
     # What ``write_deck`` writes, whose tests read it.
     rare |= {"beamOfBodies", "node", "lengths", "stations", "strain", "compliance", "dampingTimes"}
-    rare |= {"outline", "axes", "frame", "lift", "nodes"}
+    rare |= {"outline", "axes", "frame", "lift", "nodes", "modes", "follower", "states"}
     rare |= {"offset", "phase", "xMoment", "outputInterval", "tolerance", "localTolerance"}
     assert declared - tags <= rare
 

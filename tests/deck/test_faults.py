@@ -353,7 +353,8 @@ def test_a_load_without_basis_needs_a_ground(tmp_path):
 def test_a_deck_needs_something_that_moves(tmp_path):
     body = DECK[DECK.index("<rigidBody>") : DECK.index("</rigidBody>")] + "</rigidBody>"
     found = faults_of(changed(tmp_path, (body, "")))
-    assert ":4: system/bodies: nothing here moves; add a <rigidBody> or a <beam>" in found
+    wanted = "add a <rigidBody>, <beam> or <elasticBody>"
+    assert f":4: system/bodies: nothing here moves; {wanted}" in found
 
 
 def test_all_faults_at_once_in_the_order_of_lines(tmp_path):

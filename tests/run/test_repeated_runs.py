@@ -143,9 +143,9 @@ def test_a_repeated_run_lays_out_no_arguments(forget, monkeypatch):
     made = []
 
     class Counted(Block):
-        def __init__(self, arguments):
+        def __init__(self, arguments, described):
             made.append(arguments)
-            super().__init__(arguments)
+            super().__init__(arguments, described)
 
     monkeypatch.setattr("msahl.jit.arguments.Block", Counted)
     model = short("thesis/double_pendulum_89", {})
