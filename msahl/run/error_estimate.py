@@ -164,16 +164,17 @@ class ErrorEstimate:
             self._note_taken(integrators, times)
         own = [first_rows(integrator, len(times)) for integrator in integrators]
         errors = self.compare(own, others, times, np.repeat(steps.sizes, np.diff(schedule.due)))
-        self._add_unseen_jumps(integrators, errors)
+        self._add_unseen_jumps(integrators, times)
         return errors
 
     def _add_unseen_jumps(
-        self, integrators: Sequence[SubsystemIntegrator], errors: np.ndarray
+        self, integrators: Sequence[SubsystemIntegrator], times: np.ndarray
     ) -> None:
-        """Add the jumps of velocities at impacts that may be on the other side of a row."""
-        times, position = errors[:, 0], errors[:, 1:3].max(axis=1)
-        for integrator, lengths in zip(integrators, self.lengths, strict=True):
-            jump = unseen_jump(integrator, times, position, float(lengths.max()))
+        """Add the jumps of velocities at impacts that are on the wrong side of a row in both."""
+        share = self.companion.factor / SAFETY
+        pairs = zip(integrators, self.companion.integrators, self.lengths, strict=False)
+        for integrator, other, lengths in pairs:
+            jump = unseen_jump(integrator, other, share, times, float(lengths.max()))
             self.largest["velocity"] = max(self.largest["velocity"], jump)
 
     def compare(

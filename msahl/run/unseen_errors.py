@@ -8,6 +8,8 @@ impact              an output time that both runs reach before it, or after it, 
                     other side: the velocity there is wrong by the jump
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
@@ -18,6 +20,10 @@ from msahl.model import Model
 from msahl.model.motions import JointMotion
 from msahl.ports import forces
 from msahl.run.subsystem import SubsystemIntegrator
+
+if TYPE_CHECKING:
+    from msahl.contact.events import ContactEvent
+    from msahl.contact.modes import ContactModes
 
 MOTION_SAMPLES = 64
 """Number of steps at which prescribed motions are examined, from the first to the last."""
@@ -76,20 +82,32 @@ def unresolved_friction(
 
 
 def unseen_jump(
-    integrator: SubsystemIntegrator, times: np.ndarray, position: np.ndarray, length: float
+    integrator: SubsystemIntegrator,
+    companion: SubsystemIntegrator,
+    share: float,
+    times: np.ndarray,
+    length: float,
 ) -> float:
-    """Largest jump [m/s] of the rate of a gap in an impact that may have been on the other side of
-    one of the output ``times`` (m,): in the time between, the gap changes by less than the
-    estimated error of positions there, ``position`` (m,) [m]. Angles count with ``length`` [m].
+    """Largest jump [m/s] of the rate of a gap in an impact that was, in the run and in its
+    companion, on the other side of one of the output ``times`` (m,) than in the exact motion. That
+    has it at the time of the run, and ``share`` times the difference of both. Angles count with
+    ``length`` [m].
     """
-    if integrator.modes is None:
+    if integrator.modes is None or companion.modes is None:
         return 0.0
     angles = {side.name for side in integrator.model.contact_sides if side.is_angle}
     largest = 0.0
-    for event in integrator.modes.events:
-        if event.kind == IMPACT:
-            scale = length if event.element in angles else 1.0
-            distance = np.abs(times - event.time) * abs(event.speed_before) * scale
-            if (distance <= position).any():
+    for event in _impacts(integrator.modes):
+        alike = [e.time for e in _impacts(companion.modes) if e.element == event.element]
+        if alike:
+            late = event.time - min(alike, key=lambda t: abs(t - event.time))
+            exact = event.time - share * late
+            if ((times - event.time) * (times - exact) < 0.0).any():
+                scale = length if event.element in angles else 1.0
                 largest = max(largest, scale * abs(event.speed_after - event.speed_before))
     return largest
+
+
+def _impacts(modes: "ContactModes") -> "list[ContactEvent]":
+    """Return the impacts that are not yet published."""
+    return [event for event in modes.events if event.kind == IMPACT]
