@@ -174,7 +174,8 @@ class ErrorEstimate:
         share = self.companion.factor / SAFETY
         pairs = zip(integrators, self.companion.integrators, self.lengths, strict=False)
         for integrator, other, lengths in pairs:
-            jump = unseen_jump(integrator, other, share, times, float(lengths.max()))
+            given = (share, times, self.error, float(lengths.max()))
+            jump = unseen_jump(integrator, other, *given)
             self.largest["velocity"] = max(self.largest["velocity"], jump)
 
     def compare(

@@ -86,25 +86,27 @@ def unseen_jump(
     companion: SubsystemIntegrator,
     share: float,
     times: np.ndarray,
+    error: float,
     length: float,
 ) -> float:
     """Largest jump [m/s] of the rate of a gap in an impact that was, in the run and in its
     companion, on the other side of one of the output ``times`` (m,) than in the exact motion. That
-    has it at the time of the run, and ``share`` times the difference of both. Angles count with
-    ``length`` [m].
+    has it at the time of the run, and ``share`` times the difference of both. In this time the gap
+    changes by no more than twice the estimated ``error`` of positions [m], or the companion's
+    impact is another one. Angles count with ``length`` [m].
     """
     if integrator.modes is None or companion.modes is None:
         return 0.0
     angles = {side.name for side in integrator.model.contact_sides if side.is_angle}
     largest = 0.0
     for event in _impacts(integrator.modes):
+        scale = length if event.element in angles else 1.0
         alike = [e.time for e in _impacts(companion.modes) if e.element == event.element]
-        if alike:
-            late = event.time - min(alike, key=lambda t: abs(t - event.time))
-            exact = event.time - share * late
-            if ((times - event.time) * (times - exact) < 0.0).any():
-                scale = length if event.element in angles else 1.0
-                largest = max(largest, scale * abs(event.speed_after - event.speed_before))
+        other = min(alike, key=lambda t: abs(t - event.time), default=event.time)
+        exact = event.time + share * (other - event.time)
+        change = scale * abs(event.speed_before * (exact - event.time))
+        if change <= 2.0 * error and ((times - event.time) * (times - exact) < 0.0).any():
+            largest = max(largest, scale * abs(event.speed_after - event.speed_before))
     return largest
 
 

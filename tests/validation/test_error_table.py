@@ -87,6 +87,14 @@ def test_estimates_of_a_few_cells(tools):
     assert all(c.clear and 1.0 < c.ratio < 2.0 for c in found), found
 
 
+def test_every_scheme_has_cells_of_a_model_that_joint_coordinates_do_not_serve(tools):
+    """Friction that depends on reactions: steps of explicit schemes refuse it."""
+    (case,) = (case for case in error.CASES if case.name == "friction hinge")
+    cells = tools["error"].run_cells(case, tolerances=())
+    assert {cell.scheme for cell in cells} == set(error.SCHEMES)
+    assert all(cell.status == "completed" for cell in cells)
+
+
 @pytest.mark.parametrize("name", ["square-wave motor", "screw press", "switching pendulum"])
 def test_scenes_by_hand_are_those_of_the_engine(name):
     """The first output times, by a scheme of order 10, of three ways to publish; the table itself
