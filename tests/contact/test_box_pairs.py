@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear
 
 from msahl.algebra.rotation import from_axis_angle, matrix
@@ -283,41 +282,6 @@ def test_the_order_holds_through_impacts_of_edges(scheme, least):
     errors = [np.abs(found - ends[-1]).max() for found in ends[:-1]]
     assert errors[1] > 1e-12  # above round-off
     assert np.log2(errors[0] / errors[1]) > least
-
-
-def over_an_edge(t):
-    """Position, pitch and speeds of a box whose lower face slides over an edge at x = 0.2 m without
-    friction: it tips from where its mass centre passes, at 0.15 s and 1 m/s.
-    """
-
-    def rates(t, y):
-        x, z, theta = y[:3]
-        s, c = np.sin(theta), np.cos(theta)
-        # n . (place - edge) = 0.12, n = (s, c): its gradient by (x, z, theta), and g_dot's change.
-        tangent = c * (x - 0.2) - s * (z - 0.1)
-        G = np.array([s, c, tangent])
-        v_t = c * y[3] - s * y[4]
-        bend = 2.0 * y[5] * v_t - y[5] ** 2 * 0.12
-        inverse = np.array([1.0, 1.0, 1.0 / INERTIA[1]])
-        free = np.array([0.0, -9.81, 0.0])
-        lam = -(G @ free + bend) / (G * inverse @ G)
-        return np.concatenate([y[3:], free + inverse * G * lam])
-
-    begin = (0.2, 0.22, 0.0, 1.0, 0.0, 0.0)
-    return solve_ivp(rates, (0.15, t), begin, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-
-
-def test_a_box_that_is_slid_over_an_edge_tips():
-    model = pair((0.05, 0.013, 0.22), base=(0.2, 0.2, 0.1), velocity=(1.0, 0.0, 0.0))
-    _, sink, events = run_events(model, "gauss3", 0.01, 0.25)
-    closed = [event[2] for event in events if event[1] == "closes"]
-    assert {"Touch.edge8.edge1", "Touch.edge8.edge3"} <= set(closed)
-    x, z, theta, _, _, spin = over_an_edge(0.25)
-    last = sink.table("states")[-1, 1:]
-    found = [last[0], last[2], last[4], last[10]]
-    # Corners follow the rounded edge for a microsecond before edges cross: 1e-10 m/s.
-    pitch = from_axis_angle((0.0, 1.0, 0.0), theta)[1]
-    assert found == pytest.approx([x, z, pitch, spin], abs=1e-8)
 
 
 def test_open_contacts_are_not_evaluated():
