@@ -2,8 +2,8 @@
 
 python -m tools.optional_groups
 
-They are those of models that have them (``DECKS``). Without this file the types of a group that a
-model lacks are not known, as no array says what it is before it is made.
+They are those of models that have them (``DECKS``). A model that lacks a group has no arrays that
+tell its types.
 """
 
 import json

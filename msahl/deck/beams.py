@@ -15,8 +15,9 @@ from msahl.beams.lines import Arc, CentreLine, LineError, Spline, Straight, fram
 from msahl.beams.sections import RIGID, SIZES, Geometry, Material
 from msahl.check.beams import beam_findings, geometry_findings
 from msahl.check.context import INERTIAL
-from msahl.check.faults import LARGEST, number_findings
+from msahl.check.faults import number_findings
 from msahl.deck.faults import Element, attribute, text
+from msahl.deck.states import with_states
 from msahl.deck.units import UNITS
 from msahl.deck.values import Reader
 from msahl.elements.beams.build import Line, build_beam
@@ -104,7 +105,7 @@ def _read_beam(element: Element, reader: Reader) -> BuiltBeam:
     nodes = tuple(_moving(node, frame) for node in nodes)
     given = element.find("nodes")
     if given is not None:
-        nodes = _deformed(nodes, given, reader)
+        nodes = with_states(nodes, given, "nodes", reader)
     if not reader.faults.sound(element):
         return NOTHING
     reader.add(element, [*number_findings(beam), *beam_findings(beam, nodes)])
@@ -142,33 +143,6 @@ def _moving(node: RigidBody, frame: _Frame) -> RigidBody:
     R = np.array(matrix(node.orientation))
     v = R.T @ (frame.v + np.cross(frame.w, np.array(node.position) - frame.x))
     return replace(node, velocity=plain_vector(v), angular_velocity=plain_vector(R.T @ frame.w))
-
-
-def _deformed(
-    nodes: tuple[RigidBody, ...], given: Element, reader: Reader
-) -> tuple[RigidBody, ...]:
-    """Return the nodes where ``<nodes>`` has them, moving as that says."""
-    numbers = np.array([float(word) for word in text(given).split()])
-    if numbers.size != 12 * len(nodes):
-        message = f"it has {numbers.size} numbers, but {len(nodes)} nodes need 12 each"
-        reader.faults.add(given, f"{message}; correct the number of elements or of numbers")
-        return nodes
-    if not np.abs(numbers).max() <= LARGEST:
-        reader.faults.add(given, f"a number is too large; numbers go up to {LARGEST:g}")
-        return nodes
-    rows = numbers.reshape(-1, 4, 3)
-    moved = []
-    for node, (x, P, v, w) in zip(nodes, rows, strict=True):
-        moved.append(
-            replace(
-                node,
-                position=plain_vector(x),
-                orientation=plain_vector(P),
-                velocity=plain_vector(v),
-                angular_velocity=plain_vector(w),
-            )
-        )
-    return tuple(moved)
 
 
 def _axes(element: Element, line: CentreLine, s: np.ndarray, reader: Reader) -> np.ndarray:

@@ -91,7 +91,6 @@ def _contacts(label: str, one: _Member, other: _Member, touch: Touch) -> Iterato
     """Yield the contacts of two members, the first of which has the lower rank."""
     law = (touch.restitution, touch.compliance, touch.friction, touch.static_friction)
     ends = (one.body, other.body, one.point, other.point)
-    radius = other.radius
     if one.normal is not None:
         points = other.ends
         for k, point in enumerate(points, start=1):
@@ -99,11 +98,11 @@ def _contacts(label: str, one: _Member, other: _Member, touch: Touch) -> Iterato
             name = label if len(points) == 1 else f"{label}.{k}"
             yield PlaneContact(name, *at_end, one.normal, other.radius, *law)
     elif one.sizes is not None and other.rank == _SPHERE:
-        yield BoxContact(label, *ends, one.sizes, one.radius, radius, *law)
+        yield BoxContact(label, *ends, one.sizes, one.radius, other.radius, *law)
     elif one.sizes is not None:
         own = other.sizes or (0.0, 0.0, other.half)
         axes = IDENTITY if other.axis is None else frame(other.axis)
-        yield BoxesContact(label, *ends, one.sizes, own, one.radius, radius, *law, axes)
+        yield BoxesContact(label, *ends, one.sizes, own, one.radius, other.radius, *law, axes)
     elif one.axis is None:
         yield SphereContact(label, *ends, one.radius, other.radius, None, *law)
     elif other.axis is None:
@@ -139,7 +138,7 @@ def _members(element: Element, reader: Reader) -> Iterator[_Member]:
             reader.faults.add(one, f"radius: it is {radius:g} m; it must be greater than zero")
         half, sizes = 0.0, None
         if one.tag == "box":
-            sizes = _half_sizes(one, reader)
+            sizes = half_sizes(one, reader)
         if one.tag == "capsule":
             half = 0.5 * reader.number(one.find("length"), "length")
             if half <= 0.0:
@@ -148,10 +147,10 @@ def _members(element: Element, reader: Reader) -> Iterator[_Member]:
         yield _Member(*(one, label, body, point), radius, axis=direction, half=half, sizes=sizes)
 
 
-def _half_sizes(element: Element, reader: Reader) -> Vector:
-    """Return half the sizes of a box of a set [m]."""
-    x, y, z = reader.numbers(element, ("x", "y", "z"), "length")
-    for tag, size in (("x", x), ("y", y), ("z", z)):
+def half_sizes(box: Element, reader: Reader) -> Vector:
+    """Return half the sizes of a box [m]."""
+    x, y, z = sizes = reader.numbers(box, ("x", "y", "z"), "length")
+    for tag, size in zip(("x", "y", "z"), sizes, strict=True):
         if size < 0.0:
-            reader.faults.add(element, f"{tag} is {size:g} m; it must not be less than zero")
+            reader.faults.add(box, f"{tag} is {size:g} m; it must not be less than zero")
     return 0.5 * x, 0.5 * y, 0.5 * z

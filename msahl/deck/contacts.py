@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, add, axpy
@@ -12,7 +11,7 @@ from msahl.check.context import INERTIAL
 from msahl.check.directions import PARALLEL, frame, sine
 from msahl.check.ends import is_placed as is_placed_as
 from msahl.check.loads import UNIT_LENGTH
-from msahl.deck.contact_sets import CONTACT_SET, Touch, pairs_of
+from msahl.deck.contact_sets import CONTACT_SET, Touch, half_sizes, pairs_of
 from msahl.deck.curves import read_curve
 from msahl.deck.ends import REFERENCE_PARALLEL, Ends, is_placed, read_ends, side_direction
 from msahl.deck.faults import Element, text
@@ -21,6 +20,7 @@ from msahl.deck.motions import UNIT
 from msahl.deck.springs import QUANTITIES
 from msahl.deck.units import DEFAULTS, to_si
 from msahl.deck.values import Reader
+from msahl.model.box_parts import corners_of
 from msahl.model.contacts import (
     BetweenPoints,
     BoxContact,
@@ -119,15 +119,8 @@ def _points(element: Element, ends: Ends, contact: BetweenPoints, reader: Reader
         return [ends.child_point, reader.vector(other, own=ends.child, wanted=ends.child)]
     if box is None:
         return []
-    sizes = _sizes(box, reader)
-    corners = product(*(sorted({-0.5 * size, 0.5 * size}) for size in sizes))
-    return [add(ends.child_point, (x, y, z)) for x, y, z in corners]
-
-
-def _half_sizes(box: Element, reader: Reader) -> Vector:
-    """Return half the sizes of a box [m]."""
-    x, y, z = (0.5 * size for size in _sizes(box, reader))
-    return x, y, z
+    corners = corners_of(half_sizes(box, reader))
+    return [add(ends.child_point, corner) for corner in corners]
 
 
 def _childs_box(element: Element, ends: Ends, reader: Reader) -> tuple[Vector, Matrix] | None:
@@ -139,7 +132,7 @@ def _childs_box(element: Element, ends: Ends, reader: Reader) -> tuple[Vector, M
         for other in (length, element.find("child/axis")):
             if other is not None:
                 reader.faults.add(other, "the child is a box; delete it, or <childBox>")
-        return _half_sizes(box, reader), IDENTITY
+        return half_sizes(box, reader), IDENTITY
     if length is None:
         axis = element.find("child/axis")
         if axis is not None:
@@ -152,15 +145,6 @@ def _childs_box(element: Element, ends: Ends, reader: Reader) -> tuple[Vector, M
     if element.find("child/axis") is None:
         reader.faults.add(length, "a capsule has an axis; give the child an <axis>, or delete it")
     return (0.0, 0.0, half), frame(_childs_axis(element, ends, reader))
-
-
-def _sizes(box: Element, reader: Reader) -> list[float]:
-    """Return the sizes of a box [m]."""
-    sizes = [*reader.numbers(box, ("x", "y", "z"), "length")]
-    for tag, size in zip(("x", "y", "z"), sizes, strict=True):
-        if size < 0.0:
-            reader.faults.add(box, f"{tag} is {size:g} m; it must not be less than zero")
-    return sizes
 
 
 def _ends_of_cylinder(element: Element, contact: BetweenPoints, reader: Reader) -> list[Vector]:
@@ -189,7 +173,7 @@ def _between_points(element: Element, ends: Ends, reader: Reader) -> BetweenPoin
         return _pin_contact(element, ends, radius, law, friction, reader)
     parent_radius = reader.number(element.find("parentRadius"), "length")
     if (box := element.find("box")) is not None:
-        half, radii = _half_sizes(box, reader), (parent_radius, radius)
+        half, radii = half_sizes(box, reader), (parent_radius, radius)
         childs = _childs_box(element, ends, reader)
         if childs is not None:
             sides = (half, childs[0])

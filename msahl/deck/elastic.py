@@ -1,12 +1,10 @@
 """Reader and writer of elastic bodies: elements <-> records of the frame and its followers."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from msahl.algebra.rotation import matrix
-from msahl.algebra.rotation_arrays import plain_vector
 from msahl.algebra.vector import IDENTITY
 from msahl.check.bodies import body_findings
 from msahl.check.context import INERTIAL
@@ -15,6 +13,7 @@ from msahl.check.faults import LARGEST, number_findings
 from msahl.deck.elastic_files import write_part
 from msahl.deck.elements import child, numbers
 from msahl.deck.faults import Element, attribute, text
+from msahl.deck.states import with_states
 from msahl.deck.values import Reader
 from msahl.model.bodies import RigidBody
 from msahl.model.elastic import ElasticBody
@@ -170,20 +169,7 @@ def _moved(
     given = element.find("states")
     if given is None:
         return bodies
-    rows = np.array(text(given).split(), dtype=float)
-    if rows.size != 12 * len(bodies):
-        reader.faults.add(given, f"it has {rows.size} numbers, not 12 for each body; correct it")
-        return bodies
-    return tuple(
-        replace(
-            body,
-            position=plain_vector(x),
-            orientation=plain_vector(P),
-            velocity=plain_vector(v),
-            angular_velocity=plain_vector(w),
-        )
-        for body, (x, P, v, w) in zip(bodies, rows.reshape(-1, 4, 3), strict=True)
-    )
+    return with_states(bodies, given, "bodies", reader)
 
 
 def write_elastic_body(element: Element, body: ElasticBody, bodies: Sequence[RigidBody]) -> None:

@@ -191,10 +191,7 @@ def _sphere_contact(group: Element, contact: SphereContact, context: Context) ->
     parent, _ = _ends(element, contact, None)
     if contact.axis is not None:
         vector(parent, "axis", contact.axis)
-    number(element, "parentRadius", contact.parent_radius, "length")
-    number_unless(element, 0.0, "radius", contact.radius, "length")
-    _contact_law(element, contact, "slide")
-    _friction(element, contact)
+    _round(element, contact)
 
 
 def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
@@ -206,6 +203,11 @@ def _box_contact(group: Element, contact: BoxContact, context: Context) -> None:
     else:
         vector(parent, "axis", contact.axes[2])
         number(element, "length", 2.0 * contact.half[2], "length")
+    _round(element, contact)
+
+
+def _round(element: Element, contact: SphereContact | BoxContact | BoxesContact) -> None:
+    """Write the radii, the law and the friction of a contact."""
     number(element, "parentRadius", contact.parent_radius, "length")
     number_unless(element, 0.0, "radius", contact.radius, "length")
     _contact_law(element, contact, "slide")
@@ -227,10 +229,7 @@ def _boxes_contact(group: Element, contact: BoxesContact, context: Context) -> N
     else:
         vector(own, "axis", contact.axes[2])
         number(element, "length", 2.0 * contact.half[2], "length")
-    number(element, "parentRadius", contact.parent_radius, "length")
-    number_unless(element, 0.0, "radius", contact.radius, "length")
-    _contact_law(element, contact, "slide")
-    _friction(element, contact)
+    _round(element, contact)
 
 
 def _capsule_contact(group: Element, contact: CapsuleContact, context: Context) -> None:

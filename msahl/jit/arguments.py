@@ -38,6 +38,8 @@ _SCALARS: dict[type, str] = {
     type(None): NONE,
 }
 _FORMATS = {FLOAT: "d", INT: "q", BOOL: "?", NONE: "q"}
+_NOWHERE = np.zeros(8)
+"""Memory whose address arrays without entries have."""
 MOST_BLOCKS = 64
 """Largest number of blocks that are kept for repeated calls."""
 MOST_KEPT = 2000
@@ -214,7 +216,9 @@ def _lay_out_empty(described: Description, forms: list[str], numbers: list[Any])
         forms.append(_FORMATS[described])
         numbers.append(0)
     elif described[0] == ARRAY:
-        _lay_out(np.zeros((0,) * int(described[2]), described[1]), described, forms, numbers)
+        dimensions, size = int(described[2]), np.dtype(described[1]).itemsize
+        forms.append(f"{5 + 2 * dimensions}q")
+        numbers += (0, 0, 0, size, _NOWHERE.ctypes.data, *(0,) * (2 * dimensions))
     else:
         for one in members_of(described):
             _lay_out_empty(one, forms, numbers)

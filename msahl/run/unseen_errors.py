@@ -97,9 +97,12 @@ def unseen_jump(
     """
     if integrator.modes is None or companion.modes is None:
         return 0.0
+    impacts = _impacts(integrator.modes)
+    if not impacts:
+        return 0.0
     angles = {side.name for side in integrator.model.contact_sides if side.is_angle}
     largest = 0.0
-    for event in _impacts(integrator.modes):
+    for event in impacts:
         scale = length if event.element in angles else 1.0
         alike = [e.time for e in _impacts(companion.modes) if e.element == event.element]
         other = min(alike, key=lambda t: abs(t - event.time), default=event.time)
