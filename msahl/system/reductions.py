@@ -274,6 +274,7 @@ def coordinate_subset(group: Coordinates, used: np.ndarray) -> tuple[Coordinates
         products=_subset(group.products, products),
         kind=group.kind[used],
         first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
+        coordinate=np.repeat(np.arange(used.size), [s.size for s in spans]),
         radius=group.radius[used],
         block=group.block[used],
         curves=curves.subset(group.curves, used),

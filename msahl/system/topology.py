@@ -340,6 +340,7 @@ def _coordinates(elements: Elements, parts: np.ndarray, blocks: Blocks) -> Indic
     return {
         "kind": indices([coordinate.kind for coordinate, _ in elements.coordinates]),
         "first": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        "coordinate": np.repeat(np.arange(len(sizes)), sizes),
         "block": block.reshape(-1, PARTS * PARTS),
         "of_contacts": _of_contacts(elements),
     }

@@ -45,6 +45,7 @@ class Coordinates(NamedTuple):
     products: Products
     kind: np.ndarray  # (q,)
     first: np.ndarray  # (q + 1,) first product of each
+    coordinate: np.ndarray  # (m,) of each product
     radius: np.ndarray  # (q,) r of a ROUND or a CURVE_SLIP, L of a SKEW [m]
     block: np.ndarray  # (q, 16) starts of the blocks of its four parts by four parts
     curves: Curves | None

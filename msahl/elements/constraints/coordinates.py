@@ -46,13 +46,19 @@ def evaluate(
     """
     for node in range(start.term_size.size):
         start.term_size[node] = 0.0
-    m = start.products
+    own, m = group.products, start.products
+    for k in range(own.kind.size):
+        if group.idle[group.coordinate[k]]:
+            continue
+        if own.kind[k] == SURFACE:
+            surfaces.evaluate(own.surfaces, own, m, frames, Z, k)
+        else:
+            products.evaluate(own, m, frames, Z, k)
     for q in range(group.kind.size):
         start.load[q] = start.size[q] = 0.0
         if group.idle[q]:
             start.change[q] = 0.0
             continue
-        _evaluate_products(group, start, frames, Z, q)
         weigh(group, start, q)
         first = group.first[q]
         for i in range(3):
@@ -68,19 +74,6 @@ def evaluate(
             start.force[q, Q_B, i] = t_b
 
 
-@kernel
-def _evaluate_products(
-    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray, q: int
-) -> None:
-    """Set changes and discrete gradients of the products of a coordinate."""
-    own, m = group.products, start.products
-    for k in range(group.first[q], group.first[q + 1]):
-        if own.kind[k] == SURFACE:
-            surfaces.evaluate(own.surfaces, own, m, frames, Z, k)
-        else:
-            products.evaluate(own, m, frames, Z, k)
-
-
 @unit
 def differentiate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
@@ -88,11 +81,17 @@ def differentiate(
     """Set the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``, but of
     coordinates along which nothing acts.
     """
-    m = start.products
+    own, m = group.products, start.products
+    for k in range(own.kind.size):
+        if group.idle[group.coordinate[k]]:
+            continue
+        if own.kind[k] == SURFACE:
+            surfaces.differentiate(own.surfaces, own, m, frames, Z, k)
+        else:
+            products.differentiate(own, m, frames, Z, k)
     for q in range(group.kind.size):
         if group.idle[q]:
             continue
-        _differentiate_products(group, start, frames, Z, q)
         first = group.first[q]
         for part in range(PARTS):
             for i in range(3):
@@ -104,19 +103,6 @@ def differentiate(
                 start.slope[q, Q_A, i] += c * m.j_a[k, i]
                 start.slope[q, U_B, i] += c * m.j_u[k, i]
                 start.slope[q, Q_B, i] += c * m.j_b[k, i]
-
-
-@kernel
-def _differentiate_products(
-    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray, q: int
-) -> None:
-    """Set the derivatives of the changes of the products of a coordinate."""
-    own, m = group.products, start.products
-    for k in range(group.first[q], group.first[q + 1]):
-        if own.kind[k] == SURFACE:
-            surfaces.differentiate(own.surfaces, own, m, frames, Z, k)
-        else:
-            products.differentiate(own, m, frames, Z, k)
 
 
 @apart
