@@ -223,23 +223,43 @@ def test_friction_that_is_not_resolved_is_an_error(tmp_path):
     assert fine.report.error["position"] < 4.3e-4
 
 
+def slide_with_friction(t, width=1e-3):
+    """Way [m] of the block of ``friction_slide`` after ``t``, as integrated by itself."""
+    along, press = 0.5 * 9.81, 0.2 * math.sqrt(0.75) * 9.81
+    return solve_ivp(
+        lambda t, y: (y[1], along - press * math.tanh(y[1] / width)),
+        (0.0, t),
+        (0.0, 0.0),
+        method="LSODA",
+        rtol=1e-13,
+        atol=1e-16,
+    ).y[0, -1]
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-5])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_auto_sees_the_friction_beyond_its_width(tolerance, width):
+    """A step that begins where the rate passes the width resolves what friction lacks there: the
+    block was 9.5e-5 m too far at 1e-6.
+    """
+    model = deck("friction_slide")
+    given = dict(model.loads[0].parameters) | {"width": width}
+    rub = replace(model.loads[0], parameters=tuple(given.items()))
+    settings = replace(model.simulation, tolerance=tolerance)
+    run = simulate(replace(model, loads=(rub,), simulation=settings), t_final=1.5, scheme="auto")
+    true = abs(np.linalg.norm(run.states[-1, 1:4]) - slide_with_friction(1.5, width))
+    assert run.report.verdict["word"] == PASS
+    # 1e-13 of the way of 3.6 m is what the reference is worth.
+    assert true <= min(tolerance, run.report.error["position"] + 1e-12)
+
+
 @pytest.mark.parametrize(("scheme", "dt"), [("gauss2", 0.01), ("gauss3", 0.002), ("radau2", 0.01)])
 def test_friction_that_steps_end_at_is_not_unseen(scheme, dt):
     """Schemes of higher order end steps at the width of friction: what both runs miss is beyond
     it, and nothing where steps resolve it (1e-4 m for 3e-8 in 0.2 s before).
     """
     run = simulate(deck("friction_slide"), dt, 0.05, scheme, solver="newton")
-    along, press = 0.5 * 9.81, 0.2 * math.sqrt(0.75) * 9.81
-    exact = solve_ivp(
-        lambda t, y: (y[1], along - press * math.tanh(y[1] / 1e-3)),
-        (0.0, 0.05),
-        (0.0, 0.0),
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-16,
-        max_step=1e-4,
-    ).y[0, -1]
-    true = abs(np.linalg.norm(run.states[-1, 1:4]) - exact)
+    true = abs(np.linalg.norm(run.states[-1, 1:4]) - slide_with_friction(0.05))
     assert NEAR[0] <= run.report.error["position"] / true <= NEAR[1]
 
 
