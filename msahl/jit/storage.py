@@ -152,6 +152,18 @@ def doubles_in(value: Any) -> list[np.ndarray]:
     return [array for array in arrays_in(value) if array.dtype == float]
 
 
+def with_own_doubles(group: Group) -> Group:
+    """Return a group with copies of all arrays of doubles in it, and the same indices."""
+    parts: list[Any] = []
+    for part in group:
+        if isinstance(part, np.ndarray) and part.dtype == float:
+            part = part.copy()
+        elif isinstance(part, tuple):
+            part = with_own_doubles(part)
+        parts.append(part)
+    return type(group)(*parts) if hasattr(group, "_fields") else type(group)(parts)  # type: ignore[return-value]
+
+
 class Storages:
     """Storage that no run uses at present, by the kind of the run."""
 

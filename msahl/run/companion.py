@@ -108,6 +108,7 @@ class HalfStepCompanion:
                 2 * chunk,
                 settings.instantaneous,
                 storages=integrator.storages,
+                begun=integrator,
             )
             for integrator in integrators
         ]

@@ -12,7 +12,7 @@ from msahl.events.margins import Changing, Span
 from msahl.formulations.absolute.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.lanes import LANES
-from msahl.jit.storage import Storage, Storages
+from msahl.jit.storage import Storage, Storages, with_own_doubles
 from msahl.model import Model, resolve
 from msahl.model.scheme import AUTO_FAMILY
 from msahl.ports import forces
@@ -21,9 +21,14 @@ from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.stepper import Advance, Chunk, Stepper
-from msahl.start.positions import assemble, close_rounded
+from msahl.start.positions import Assembled, assemble, close_rounded
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
-from msahl.start.velocities import StartError, make_consistent, solve_accelerations
+from msahl.start.velocities import (
+    StartError,
+    VelocityChange,
+    make_consistent,
+    solve_accelerations,
+)
 from msahl.system import evaluate
 from msahl.system.arrays import (
     State,
@@ -77,14 +82,23 @@ class SubsystemIntegrator:
     motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
     the steps unless ``instantaneous``; the tables have accelerations if these are wanted. ``full``
     switches off the model reductions, ``chunk`` is the largest number of steps and rows of a chunk.
-    Arrays come from the ``storages``, where these are given, and go back there by ``release``.
-    Raises ``StartError`` if there is no consistent start.
+    Arrays come from the ``storages``, where these are given, and go back there by ``release``. The
+    start is that of the ``begun`` one if that is given, of the same model and no step yet. Raises
+    ``StartError`` if there is no consistent start.
     """
 
     resolves_inputs = False
     """Whether expressions of the time that are faster than the steps divide these."""
     joint_coordinates = True
     """Whether steps may be in joint coordinates."""
+
+    moved: Assembled | None
+    change: VelocityChange
+    rank: int
+    redundant: int
+    shared: dict[str, list[str]]
+    axis: int | None
+    workspace: Workspace
 
     def __init__(
         self,
@@ -95,20 +109,14 @@ class SubsystemIntegrator:
         instantaneous: bool = False,
         accelerations: bool = False,
         storages: Storages | None = None,
+        begun: "SubsystemIntegrator | None" = None,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         self.storages = storages
-        system, self.switches = build_at_start(model)
-        self.storage = self._take_storage(system, chunk, accelerations)
-        system = self.storage.place("system", system)
-        state = self.storage.place("state", build_state(model, system))
-        try:
-            self._make_workspace(system, state, full, chunk, accelerations)
-        except np.linalg.LinAlgError as error:  # LAPACK's fault on inf and nan
-            start = new_system_workspace(system, state)
-            evaluate.prepare(system, state, start)
-            name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
-            raise StartError(overflow(0.0, name)) from error
+        if begun is None or self.changes:
+            self._find_start(full, chunk, accelerations)
+        else:
+            self._repeat_start(begun, chunk, accelerations)
         simulation = model.simulation
         step = 0.0 if resolve(simulation).adaptive else simulation.dt
         span = Span(simulation.t_final, step, self.resolves_inputs)
@@ -130,12 +138,39 @@ class SubsystemIntegrator:
         """Whether constraints are not the same throughout a run, whereby velocities may jump."""
         return bool(self.model.rigid_contacts or self.model.switched or self.model.events)
 
-    def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
+    def _find_start(self, full: bool, chunk: int, accelerations: bool) -> None:
+        """Build the system and its state at t = 0, and make this consistent."""
+        model = self.model
+        system, self.switches = build_at_start(model)
+        self.pattern = system.blocks
+        self.storage = self._take_storage(chunk, accelerations)
+        system = self.storage.place("system", system)
+        state = self.storage.place("state", build_state(model, system))
+        try:
+            self._make_workspace(system, state, full, chunk, accelerations)
+        except np.linalg.LinAlgError as error:  # LAPACK's fault on inf and nan
+            start = new_system_workspace(system, state)
+            evaluate.prepare(system, state, start)
+            name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
+            raise StartError(overflow(0.0, name)) from error
+
+    def _repeat_start(self, begun: "SubsystemIntegrator", chunk: int, accelerations: bool) -> None:
+        """Begin as the ``begun`` subsystem does, with arrays of its own."""
+        self.pattern, self.switches, self.axis = begun.pattern, begun.switches, begun.axis
+        self.moved, self.change = begun.moved, begun.change
+        self.rank, self.redundant, self.shared = begun.rank, begun.redundant, dict(begun.shared)
+        self.storage = self._take_storage(chunk, accelerations)
+        own: Workspace = begun.workspace
+        system, state = with_own_doubles(own.system), State(*(a.copy() for a in own.state))
+        self._place(new_workspace(system, own.unknowns, state, chunk, accelerations))
+        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, self._call_once)
+
+    def _take_storage(self, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
         if self.storages is None or self.size >= LARGE or self.changes:
             return Storage()
         simulation = self.model.simulation
-        kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
+        kind = (id(self.pattern), chunk, accelerations, simulation.scheme, simulation.degree)
         return self.storages.take(kind)
 
     def _make_workspace(
@@ -152,8 +187,8 @@ class SubsystemIntegrator:
         at_rest: np.ndarray | None = jacobian_at_rest(system, state, work_arrays)
         self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
-        self.shared: dict[str, list[str]] = {}
-        self._add_shared(system, state)
+        self.shared = {}
+        self._add_shared(system, state, at_rest)
         if _prepare(system, state, work_arrays.start, work_arrays.call):
             at_rest = None  # that of other angles
         start = work_arrays.start
@@ -181,12 +216,21 @@ class SubsystemIntegrator:
             self.switches = without(self.switches, symmetric) if self.switches else None
             state = state._replace(angle=np.zeros(coordinate_count(system)))
         state = state._replace(held=forces.held_switches(system.forces))
-        fresh = new_workspace(system, unknowns, state, chunk, accelerations)
-        name = ("workspace", self.axis, id(unknowns))
-        self.workspace: Workspace = self.storage.place(name, fresh)
+        self._place(new_workspace(system, unknowns, state, chunk, accelerations))
         _prepare(
             self.workspace.system, self.workspace.state, self.workspace.start, work_arrays.call
         )
+
+    def _place(self, fresh: Workspace) -> None:
+        """Set the workspace to the ``fresh`` one, or to that of an earlier run with its numbers."""
+        name = ("workspace", self.axis, id(fresh.unknowns))
+        self.workspace = self.storage.place(name, fresh)
+
+    def _call_once(self, kernel: Callable[..., Any], *given: Any) -> Any:
+        """Call a ``kernel`` that a run needs once or twice."""
+        if self.size < LARGE:
+            return self.storage.call(kernel, *given)
+        return by_size(kernel, self.size)(*given)
 
     def _choose_formulation(self, full: bool) -> Formulation:
         """Return the coordinates in which steps are solved."""
@@ -229,10 +273,10 @@ class SubsystemIntegrator:
             return self.workspace.unknowns.free.size
         return tree.body.size + (0 if cut is None else cut.scale.size)
 
-    def _add_shared(self, system: System, state: State) -> None:
+    def _add_shared(self, system: System, state: State, at_rest: np.ndarray | None = None) -> None:
         """Add the reactions that are not unique in this state to those found before."""
         elements = self.model.constrained
-        found = non_unique_reactions(system, state) if self.redundant else {}
+        found = non_unique_reactions(system, state, (), at_rest) if self.redundant else {}
         for e, columns in found.items():
             known = self.shared.get(elements[e].name, [])
             self.shared[elements[e].name] = sorted({*known, *columns})

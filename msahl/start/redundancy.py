@@ -42,11 +42,16 @@ INVERSE_ITERATIONS = 4
 """Each enlarges the null space against the rest by the ratio of their eigenvalues, 1e4 and more."""
 
 
-def constraint_matrix(system: System, state: State) -> "csr_array":
-    """(3 k, 6 (n+1)) derivative of the constraint equations by u and l Q, dimensionless."""
+def constraint_matrix(
+    system: System, state: State, values: np.ndarray | None = None
+) -> "csr_array":
+    """(3 k, 6 (n+1)) derivative of the constraint equations by u and l Q, dimensionless; ``values``
+    are those of ``jacobian_at_rest``, if they are at hand.
+    """
     from scipy.sparse import coo_array
 
-    values = jacobian_at_rest(system, state).reshape(-1, 3, 3)
+    values = jacobian_at_rest(system, state) if values is None else values
+    values = values.reshape(-1, 3, 3)
     first = first_multiplier(system.frames)
     row, column = system.blocks.T
     chosen = np.flatnonzero((row >= first) & (column < first))
@@ -70,7 +75,7 @@ def constraint_rank(
     # A regular matrix of the full system proves them independent, and is cheap where it is large.
     if is_regular(system, state, unknowns or choose(system, all_unknowns(system)), values):
         return multiplier_count(system)
-    G = constraint_matrix(system, state)
+    G = constraint_matrix(system, state, values)
     equations = _equations(G)
     return int(equations.sum()) - null_space(G[equations]).shape[1]
 
@@ -89,13 +94,18 @@ def is_regular(
 
 
 def non_unique_reactions(
-    system: System, state: State, others: Sequence[np.ndarray] = ()
+    system: System,
+    state: State,
+    others: Sequence[np.ndarray] = (),
+    values: np.ndarray | None = None,
 ) -> dict[int, list[str]]:
     """By number of the joint, coupling or motion, the columns of its reaction that are not unique
     in the state's configuration; those that are unique throughout have no entry. ``others`` (k, 3)
-    are further unit vectors of multipliers, by their nodes, of which any amount may be added.
+    are further unit vectors of multipliers, by their nodes, of which any amount may be added;
+    ``values`` are those of ``jacobian_at_rest``, if they are at hand.
     """
-    null = np.concatenate([_null_space(system, state), *(other[None] for other in others)])
+    null = _null_space(constraint_matrix(system, state, values))
+    null = np.concatenate([null, *(other[None] for other in others)])
     joints = _components(system, state, null)
     columns = (*FORCE_COLUMNS, *MOMENT_COLUMNS)
     shared = {
@@ -110,11 +120,10 @@ def non_unique_reactions(
     return {e: columns for e, columns in shared.items() if columns}
 
 
-def _null_space(system: System, state: State) -> np.ndarray:
+def _null_space(G: "csr_array") -> np.ndarray:
     """(n, k, 3) unit vectors, by the multipliers' nodes, in equilibrium with each other; all are
     forces, as equations in radians count by their length.
     """
-    G = constraint_matrix(system, state)
     equations = _equations(G)
     idle = null_space(G[equations])
     null = np.zeros((idle.shape[1], G.shape[0]))
