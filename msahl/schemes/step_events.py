@@ -417,6 +417,19 @@ def outside(detector: Detector, value: np.ndarray) -> int:
 
 
 @kernel
+def split(detector: Detector, value: np.ndarray) -> int:
+    """Return the first margin of a law that is not smooth whose ``value`` has passed its level, be
+    it by little, -1 if none has: what jumps there is its doing.
+    """
+    margs = detector.margins
+    for k in range(value.size):
+        if margs.action[k] == margins.SPLIT and not margins.is_held(margs, k):
+            if value[k] < detector.low[k] or value[k] > detector.high[k]:
+                return k
+    return -1
+
+
+@kernel
 def is_near_level(detector: Detector) -> bool:
     """Whether a margin, known at three times of the step, may leave its range within it."""
     value = detector.value
@@ -496,6 +509,8 @@ def save_event(detector: Detector, level: int, before: float, after: float) -> N
             before = middle
     sample(detector, level, after, detector.probe)
     k = outside(detector, detector.probe)
+    if split(detector, detector.probe) >= 0:
+        k = split(detector, detector.probe)
     edge = detector.high[k]
     if detector.probe[k] < detector.low[k]:
         edge = detector.low[k]

@@ -190,8 +190,11 @@ def nearest(group: Curves, q: int, x: float, y: float) -> tuple[int, float, Plac
             continue
         other = place(group, s, x, y)
         distance = math.hypot(x - other[0], y - other[1])
-        # At a smooth joint of two segments both have the foot, one of them maybe past its end.
-        if distance < least or (distance == least and abs(other[5]) < abs(found[5])):
+        # Near the joint of two segments both have the foot, but for round-off, and the point may be
+        # past the end of one of them: it is at a corner only if it is past those of both.
+        past, even = abs(other[5]) - abs(found[5]), ROUND_OFF * (abs(x) + abs(y) + distance)
+        nearer = distance < least - even or (past == 0.0 and distance < least)
+        if nearer or (past < 0.0 and distance <= least + even):
             least, which, found = distance, s, other
     return which, least, found
 

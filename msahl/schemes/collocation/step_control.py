@@ -582,8 +582,9 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
     if detector.margins.action[k] == CONTACT and new - t <= ROUND_OFF * end:
         detector.event[0], control.counts[SOUGHT], figures[STOP] = k, 0, math.inf
         return CROSSES
-    near = near or abs(new - end) <= ROUND_OFF * end
-    if near or control.counts[SOUGHT] == SEARCHES or not t < new < seen[step_events.AFTER]:
+    near = near or has_jumped(detector, control, t, value) or abs(new - end) <= ROUND_OFF * end
+    away = not t < new < seen[step_events.AFTER] and (not small or new <= t)
+    if near or away or control.counts[SOUGHT] == SEARCHES:
         if near or small:
             detector.event[0] = k
             return NO_EVENT
@@ -594,6 +595,17 @@ def approach(detector: Detector, control: StepControl, t: float) -> float:
     control.counts[SOUGHT] += 1
     figures[STOP] = new
     return AGAIN
+
+
+@kernel
+def has_jumped(detector: Detector, control: StepControl, t: float, value: float) -> bool:
+    """Whether the force of a contact changes its sign right at the start ``t`` of the pair, as it
+    does where a pair begins at a kink of a surface, on the near side of it.
+    """
+    margs, figures, k = detector.margins, control.figures, control.event[0]
+    soonest = max(TOO_SMALL * figures[END], 2.0 * step_events.SOON * figures[NEXT])
+    of_force = margs.kind[k] == margins.FORCE or margs.kind[k] == margins.FRICTION
+    return of_force and figures[STOP] - t <= soonest and value * detector.ends[0, k] < 0.0
 
 
 @kernel
