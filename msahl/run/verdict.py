@@ -345,12 +345,15 @@ def _reaction_errors(figures: Figures, limits: Limits) -> Iterator[Finding]:
     error: dict[str, Any] = figures.error or {}
     energy, length = figures.energy_size, figures.length
     units = {"force": ("N", length), "moment": ("N m", 1.0), "load": ("N or N m", min(length, 1.0))}
+    remedy = "a smaller --dt, or --scheme gauss"
+    if figures.tolerance is not None or figures.local_tolerance is not None:
+        remedy = "a smaller --tolerance"
     for kind, largest in error.get("largest", {}).items():
         (unit, lever), lasting = units[kind], error["lasting"][kind]
         if lasting > max(REACTION * largest, NOISE * energy / lever):
             text = (
                 f"estimated error of the joints' {kind}s {lasting:.1e} {unit}, of at most "
-                f"{largest:.1e} {unit}: do not use them; try a smaller --dt, or --scheme gauss"
+                f"{largest:.1e} {unit}: do not use them; try {remedy}"
             )
             yield Finding(f"{kind}Error", WARN, text)
 

@@ -423,9 +423,9 @@ def split(detector: Detector, value: np.ndarray) -> int:
     """
     margs = detector.margins
     for k in range(value.size):
-        if margs.action[k] == margins.SPLIT and not margins.is_held(margs, k):
-            if value[k] < detector.low[k] or value[k] > detector.high[k]:
-                return k
+        splits = margs.action[k] == margins.SPLIT and not margins.is_held(margs, k)
+        if splits and not detector.low[k] <= value[k] <= detector.high[k]:
+            return k
     return -1
 
 

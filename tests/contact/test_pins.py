@@ -134,7 +134,7 @@ def test_auto_passes_the_corners_of_a_ratchet(tolerance):
     """
     model = deck("ratchet")
     given = replace(model.simulation, output_interval=0.075)
-    report, sink, events = run_events(
+    report, _, events = run_events(
         replace(model, simulation=given), "auto", 0.075, tolerance=tolerance
     )
     assert report.verdict["word"] == PASS
