@@ -398,10 +398,25 @@ class FixedStepper:
         if holds:
             detection.release(forever=True)
             return self._take_next(h, begun, events, False)
+        if self.contacts and not event and self._opens_where_stuck(begin):
+            return self._take_next(h, begun, events, False)
         detection.blame()
         if self.contacts is None and (event or 0 < events < MAX_PARTS):
             raise _Undivided
         return Outcome(math.inf, -1) if event else outcome, None, part
+
+    def _opens_where_stuck(self, begin: list[np.ndarray]) -> bool:
+        """Whether other contacts are closed in the steps from the ``begin`` of one that cannot be
+        solved.
+        """
+        assert self.contacts
+        new = self.contacts.change_where_stuck(self.method)
+        if new is None:
+            self._go_back(begin)
+            return False
+        self.method, self.solved_part = new, math.inf
+        self._prepare_detection()
+        return True
 
     def _solve_part(
         self, h: float, share: float, tried: bool, holds: bool
