@@ -182,11 +182,10 @@ class ContactModes:
         """Note the contact whose force has become zero at an ``event``. It stays open at that time,
         even if the forces of others become zero too: what is left of its own is round-off.
         """
-        opens = event is not None and event < was.size and bool(was[event])
-        closes = event is None or (event < was.size and not opens)
-        if self.time != self.last_time or jumped or closes:
+        of_gap = event is not None and event < was.size
+        if self.time != self.last_time or jumped or (of_gap and not was[event]):
             self.opened.clear()
-        if event is not None and opens:
+        if event is not None and of_gap and was[event]:
             self.opened.add(event)
 
     def _count(self, which: np.ndarray) -> None:
