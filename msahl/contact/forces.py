@@ -47,7 +47,9 @@ def follow(
     together[rests] = np.abs(after[rests]) <= STILL * size
     if contacts.shares:
         _share(contacts, response, force, np.flatnonzero(together & ~sticks), toward)
-    return After(speed, force, after, sticks, toward, together)
+    own = force[:count] * np.diag(response.W)[:count]
+    force[:count][own <= STILL * size] = 0.0
+    return After(speed, force, after, sticks & (force[:count] > 0.0), toward, together)
 
 
 def _share(
