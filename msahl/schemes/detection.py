@@ -36,7 +36,7 @@ SAME_TIME = 1e-12
 AFTER_JUMP = 1e-9
 """Time after a jump of velocities, as a fraction of the time, at which it has happened for sure."""
 PASSED = 1e-10
-"""Distance behind a kink, over that before it, that is not round-off."""
+"""Distance behind a kink over that before it, or the other way round, that is not round-off."""
 BEGINNING = 1.5
 """Time of an event of a contact, over the soonest one, up to which it is at the start."""
 KEPT = ("crossed", "loose", "often", "holds", "slides")
@@ -282,7 +282,8 @@ class Detection:
         """
         own, before, now = self.detector.margins, self.detector.value[0], self.detector.probe
         self._call(step_events.set_margins, self.detector, self.workspace, now)
-        passed = (own.kind == KINK) & (before * now < 0.0) & (np.abs(now) > PASSED * np.abs(before))
+        less, more = np.sort(np.abs([before, now]), axis=0)
+        passed = (own.kind == KINK) & (before * now < 0.0) & (less > PASSED * more)
         if not passed.any():
             return None
         t = float(self.workspace.state.time[0])

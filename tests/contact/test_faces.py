@@ -91,7 +91,7 @@ TIPPED = [
 
 def changes(events):
     """What opens and closes after the start, in the order of time and of names."""
-    found = [(round(event[0], 6), event[1] == "closes", event[2]) for event in events]
+    found = [(round(event[0], 4), event[1] == "closes", event[2]) for event in events]
     kinds = {event[1] for event in events} - {"opens", "closes", "impact", "slides"}
     assert not kinds
     named = [event[1] in ("opens", "closes") and event[0] > 0.0 for event in events]
