@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from msahl.contact import friction
+from msahl.contact import friction, sharing
 from msahl.contact import response as of_contacts
 from msahl.contact.complementarity import solve
 from msahl.contact.friction import Cones, Jammed
@@ -32,9 +32,7 @@ def follow(
     contacts: ContactState, response: Response, speed: np.ndarray, stays: np.ndarray, cause: Cause
 ) -> After:
     """Find the forces of the contacts whose gaps may stay zero."""
-    b, size = of_contacts.accelerations(
-        contacts.system, response, contacts.state, contacts.without, contacts.work_arrays
-    )
+    b, size = contacts.accelerations(response)
     b = np.where(np.abs(b) <= STILL * size, 0.0, b)
     contacts.fastest = max(contacts.fastest, float(np.sqrt(contacts.length * size)))
     count = stays.size
@@ -47,7 +45,31 @@ def follow(
         force, sticks, toward = _with_friction(contacts, response, b, speed, rests, cause)
     after, together = b + response.W @ force, np.zeros(count, dtype=bool)
     together[rests] = np.abs(after[rests]) <= STILL * size
-    return After(speed, force, after, sticks, toward, together)
+    if contacts.shares:
+        _share(contacts, response, force, np.flatnonzero(together & ~sticks), toward)
+    own = force[:count] * np.diag(response.W)[:count]
+    force[:count][own <= STILL * size] = 0.0
+    return After(speed, force, after, sticks & (force[:count] > 0.0), toward, together)
+
+
+def _share(
+    contacts: ContactState, response: Response, force: np.ndarray, k: np.ndarray, toward: np.ndarray
+) -> None:
+    """Let the contacts ``k`` that stay together have, in ``force`` (m,), the least multipliers by
+    which all move as they do: the direction ``toward`` (k, 2) of a slip is that of its friction.
+    """
+    t = response.tangent[k]
+    rough = t[:, 0] >= 0
+    given = ~(rough & np.isnan(toward[k, 0]))  # a direction, or none is needed
+    k, t, rough = k[given], t[given], rough[given]
+    mu = contacts.contacts.friction[response.which[k]]
+    E = np.zeros((force.size, k.size))
+    E[k, np.arange(k.size)] = response.unit[k]
+    E[t[rough].T, np.flatnonzero(rough)] = (-mu[:, None] * toward[k] * response.unit[k, None])[
+        rough
+    ].T
+    y = sharing.least(response.W @ E, force[k] / response.unit[k])
+    force[k], force[t[rough]] = response.unit[k] * y, (E @ y)[t[rough]]
 
 
 def _with_friction(

@@ -83,6 +83,7 @@ class ContactModes:
         self.accuracy = accuracy_of_end(accuracy)
         self.next_touch = math.inf
         self.last_time, self.repeated = math.nan, 0  # of the last event, and how often at that time
+        self.opened: set[int] = set()  # whose forces became zero at that time
 
     @property
     def events(self) -> list[ContactEvent]:
@@ -135,13 +136,15 @@ class ContactModes:
         which = np.flatnonzero(was | near)
         which = which[~np.isin(which, self.held.needless(which))]
         self.next_touch = math.inf
+        self._note_opening(event, was, jumped)
         self._count(which)
         if not which.size:
             return
         line = self.held.side_by_side(which)
         if line is not None:
             raise ContactsUnsolved(_along_a_line(self.time, self.names[line]))
-        cause = Cause() if event is None else self._cause(event, was, which)
+        friction = event is not None and event >= was.size
+        cause = self._cause(event - was.size, which) if event is not None and friction else Cause()
         try:
             self._resolve(which, was, cause, jumped)
         except NoSolution as error:
@@ -153,16 +156,14 @@ class ContactModes:
         """The time now [s]."""
         return float(self.held.state.time[0])
 
-    def _cause(self, event: int, was: np.ndarray, which: np.ndarray) -> Cause:
-        """Return what an ``event`` says of its contact, if it is one of ``which``."""
-        own = event - was.size
-        number = which if own < 0 else self.held.contacts.sliding[which]
-        found = np.flatnonzero(number == (event if own < 0 else own))
+    def _cause(self, own: int, which: np.ndarray) -> Cause:
+        """Return what an event says of the contact with friction number ``own``, if it is one of
+        ``which``.
+        """
+        found = np.flatnonzero(self.held.contacts.sliding[which] == own)
         if not found.size:
             return Cause()
         place = int(found[0])
-        if own < 0:
-            return Cause(opens=place) if was[event] else Cause()
         slid = self.held.slides[which]
         return Cause(slips=place, slid=slid) if self.held.sticks[own] else Cause(ends=place)
 
@@ -176,6 +177,16 @@ class ContactModes:
         _, _, rate = self.held.gaps()
         slip = rate[group.along[own]]
         return not self.held.rounded(slip).any()
+
+    def _note_opening(self, event: int | None, was: np.ndarray, jumped: bool) -> None:
+        """Note the contact whose force has become zero at an ``event``. It stays open at that time,
+        even if the forces of others become zero too: what is left of its own is round-off.
+        """
+        of_gap = event is not None and event < was.size
+        if self.time != self.last_time or jumped or (of_gap and not was[event]):
+            self.opened.clear()
+        if event is not None and of_gap and was[event]:
+            self.opened.add(event)
 
     def _count(self, which: np.ndarray) -> None:
         """Raise ``ContactsUnsolved`` if events of the contacts ``which`` follow each other without
@@ -198,7 +209,7 @@ class ContactModes:
         )
         held.lift(response)
         before = Before(was, stuck, held.rates(response, cause), cause.ends)
-        stays = np.arange(which.size) != cause.opens
+        stays = ~np.isin(which, list(self.opened))
         impulse, after, remaining = self._strike(response, before.speed, stays, cause)
         self.record.note(self.time, response, before, impulse, after, remaining)
         held.set_mode(response, after)

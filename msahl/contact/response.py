@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
-from msahl.algebra.vector import at
+from msahl.algebra.vector import at, scale
 from msahl.elements.constraints import scalar, surfaces
+from msahl.elements.constraints.kinks import has_kinks
 from msahl.formulations.absolute.frames import (
     first_multiplier,
     moving_count,
@@ -45,6 +46,7 @@ class Response(NamedTuple):
     values: np.ndarray  # block values of the matrix
     factor: np.ndarray  # of it
     scale: np.ndarray  # (m,) rate over what its equation has
+    unit: np.ndarray  # (m,) force over its multiplier [kg or kg m]
 
     @property
     def gaps(self) -> np.ndarray:
@@ -79,15 +81,16 @@ def respond(
     rows, nodes = system.scalar.equations, node_count(system)
     motion, gradient = np.zeros((2, row.size, nodes, 3))
     scale = sign / rows.scale[row]
+    unit = system.unit[*rows.place[row].T]
     for k, r in enumerate(row):
         place, slot = rows.place[r]
         by_multiplier, by_unknown = _lines(system, values, int(place), int(slot))
-        load = -sign[k] / system.unit[place, slot] * by_multiplier
+        load = -sign[k] / unit[k] * by_multiplier
         motion[k] = solve_at_rest(system, state, load, unknowns, values, factor)
         gradient[k] = scale[k] * by_unknown
     W = np.einsum("iab,jab->ij", gradient, motion)
     parts = which, row, sign, tangent, column
-    return Response(*parts, motion, gradient, 0.5 * (W + W.T), values, factor, scale)
+    return Response(*parts, motion, gradient, 0.5 * (W + W.T), values, factor, scale, unit)
 
 
 def _directions(
@@ -162,6 +165,30 @@ def accelerations(
     terms = response.gradient * solution
     found = terms.sum(axis=(1, 2)) - response.scale * bend
     return found, float(max(np.abs(terms).max(initial=0.0), np.abs(bend).max(initial=0.0)))
+
+
+def at_kink(
+    system: System, contacts: Contacts, which: np.ndarray, near: float, work_arrays: WorkArrays
+) -> bool:
+    """Return whether the curvature of the gap of one of the contacts ``which`` may jump in the
+    configuration of the last ``gaps``, or where distances [m] are ``near`` to those in it.
+    """
+    assert system.scalar is not None
+    group, place = system.scalar, work_arrays.start.scalar
+    q = group.equations.coordinate[contacts.row[which], 0]
+    kink = by_size(scalar.kink, size_of(system))
+    bends = q[has_kinks(group.coordinates)[q]]
+    return any(abs(kink(group, place, int(k))) <= near for k in bends)
+
+
+def shortly_after(system: System, state: State, t: float) -> State:
+    """Return the ``state`` with bodies that have moved on by their velocities for the time ``t``
+    [s].
+    """
+    after = state._replace(x=state.x + t * state.v, p=state.p.copy())
+    for b in range(moving_count(system.frames)):
+        after.p[b] = compose(at(state.p, b), from_increment(scale(t, at(state.w, b))))
+    return after
 
 
 def push(

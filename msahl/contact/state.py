@@ -41,6 +41,8 @@ CHANGING = ("friction", "toward", "still")
 """Arrays of the contacts with friction that change during a run."""
 TOUCHING = 10.0
 """Gap, over its round-off, of a contact that touches: closed joints leave one of it."""
+BEYOND = 10.0
+"""Distance from where the curvature of a gap jumps, over the round-off of gaps, that is none."""
 OVERLAP = 1e4
 """Overlap at t = 0, over the round-off of the gap, that is that of the digits a deck omits: 1e-9
 of the size of the model."""
@@ -62,9 +64,10 @@ class After(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """What an event says of its contact beforehand, each the number among ``which`` or -1."""
+    """What an event says of the friction of its contact beforehand, each the number among ``which``
+    or -1.
+    """
 
-    opens: int = -1  # its force has become zero
     slips: int = -1  # its grip is used up
     ends: int = -1  # its slip has become zero
     slid: np.ndarray | bool = False  # (k,) which of the contacts slid up to then
@@ -92,6 +95,11 @@ class ContactState:
         """What differs from mode to mode."""
         modes = (self.closed, self.sticks, self.contacts.acts)
         return b"".join(array.tobytes() for array in modes)
+
+    @property
+    def shares(self) -> bool:
+        """Whether all contacts that share their forces are closed, and not only independent ones."""
+        return self.system.relaxation > 0.0
 
     @property
     def closed(self) -> np.ndarray:
@@ -144,6 +152,20 @@ class ContactState:
         """Largest speed of the bodies [m/s]."""
         start, length = self.work_arrays.start.frames, self.system.frames.length
         return float(np.abs(start.v).max() + (np.abs(start.W).max(axis=1) * length).max())
+
+    def accelerations(self, response: Response) -> tuple[np.ndarray, float]:
+        """Return what ``response.accelerations`` does. Where the curvature of a gap jumps they are
+        those that follow, by a displacement that is more than round-off.
+        """
+        state, speed = self.state, self._speed
+        near = BEYOND * float(self.contacts.round_off.max())
+        self.gaps()
+        given = self.system, self.contacts, response.which
+        if speed > 0.0 and of_contacts.at_kink(*given, near, self.work_arrays):
+            state = of_contacts.shortly_after(self.system, state, 2.0 * near / speed)
+        return of_contacts.accelerations(
+            self.system, response, state, self.without, self.work_arrays
+        )
 
     def rounded(self, rate: np.ndarray) -> np.ndarray:
         """Return rates, without those that are round-off."""

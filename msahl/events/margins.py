@@ -40,12 +40,10 @@ import numpy as np
 
 from msahl.algebra.functions import PIECES, Law, Laws, build_laws, joined, piece_of
 from msahl.elements.constraints import scalar
-from msahl.elements.constraints.coordinate_kinds import from_boxes
-from msahl.elements.constraints.curves import CURVE
 from msahl.elements.constraints.edges import past_ends
 from msahl.elements.constraints.equations import is_active
+from msahl.elements.constraints.kinks import has_kinks
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.constraints.segments import SEGMENTS
 from msahl.events.expressions import (
     NO_TIMES,
     all_laws,
@@ -292,8 +290,7 @@ def _of_distances(system: System, kink: int, contacts: Contacts | None) -> Itera
     rows, group, opened = system.scalar.equations, system.scalar.coordinates, set()
     if contacts is not None:
         opened = {*rows.coordinate[contacts.row, 0][~is_active(rows)[contacts.row]].tolist()}
-    bends = np.isin(group.kind, (CURVE, SEGMENTS)) | from_boxes(group)
-    for q in np.flatnonzero(bends).tolist():
+    for q in np.flatnonzero(has_kinks(group)).tolist():
         if q not in opened:
             yield Margin(KINK, q, SPLIT, law=kink, near=NEAR)
 

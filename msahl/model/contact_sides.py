@@ -7,6 +7,9 @@ Each has a gap that is zero at the end and never negative:
 A contact of two boxes has one for each pair of corners, edges and boxes that may touch.
 """
 
+from collections import Counter
+from collections.abc import Iterable
+
 from msahl.model.box_parts import parts_of
 from msahl.model.contacts import (
     BoxContact,
@@ -21,6 +24,9 @@ from msahl.model.contacts import (
 from msahl.records import record
 
 ENDS = ("lower", "upper")
+OF_A_FACE = 3
+"""Contacts between two bodies that may share their forces in many ways: three in a plane do where
+they are on a line, four in space where they are in a plane."""
 
 
 @record
@@ -78,3 +84,10 @@ def _limits(contact: Contact) -> tuple[tuple[bool, float | None], ...]:
     if isinstance(contact, PinContact):
         return ((True, contact.radius),)
     return (True, contact.lower), (False, contact.upper)
+
+
+def may_share(sides: Iterable[ContactSide]) -> bool:
+    """Return whether two bodies touch at so many of the ``sides`` as faces do."""
+    contacts = [side.contact for side in sides]
+    pairs = Counter(frozenset((c.parent, c.child)) for c in contacts if not isinstance(c, JointLimit))
+    return max(pairs.values(), default=0) >= OF_A_FACE

@@ -14,6 +14,7 @@ from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.lanes import LANES
 from msahl.jit.storage import Storage, Storages, with_own_doubles
 from msahl.model import Model, resolve
+from msahl.model.contact_sides import may_share
 from msahl.model.scheme import AUTO_FAMILY
 from msahl.ports import forces
 from msahl.schemes.common import workspace
@@ -199,8 +200,9 @@ class SubsystemIntegrator:
         if free.size < unknowns.free.size:
             unknowns = choose(stay_in_plane(system, start, self.axis), free, nodes)
         self.change = make_consistent(system, state, free, model.velocity, work_arrays)
-        # Contacts that stick may be redundant with each other, as the corners of a box are.
+        # Contacts may be redundant with each other, as the corners of a box are.
         shares = system.forces.sliding is not None and system.forces.sliding.row.size > 1
+        shares = shares or may_share(model.contact_sides)
         if shares or (self.redundant and not is_regular(system, state, unknowns, at_rest)):
             system, self.switches = build_at_start(model, True, Places(state.x, state.p))
             unknowns, at_rest, work_arrays = (

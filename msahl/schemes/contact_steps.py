@@ -81,6 +81,22 @@ class ContactSteps:
             condition = self._next_condition(method)
         return method
 
+    def change_where_stuck(self, method: Any) -> Any:
+        """Return the method of the steps to follow where none can be taken by ``method``, None if
+        it is the same: gaps that begin to curve part at once from contacts that stay closed in it.
+        """
+        if self.modes is None:
+            return None
+        before = self.counters
+        try:
+            new = self._resolve(method, None)
+        except ContactsUnsolved:
+            return None
+        if new is not method:
+            return new
+        self.restore(before)
+        return None
+
     def only_begins(self, method: Any, event: Event) -> bool:
         """Whether the ``event`` was sought as the end of a slip, and its beginning was found: a
         smaller step is to be taken.

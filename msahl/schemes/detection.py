@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import END, FORCE, FRICTION, REACTING, Margins, await_conditions
+from msahl.events.margins import END, FORCE, FRICTION, KINK, REACTING, Margins, await_conditions
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
@@ -35,6 +35,8 @@ SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
 AFTER_JUMP = 1e-9
 """Time after a jump of velocities, as a fraction of the time, at which it has happened for sure."""
+PASSED = 1e-10
+"""Distance behind a kink over that before it, or the other way round, that is not round-off."""
 BEGINNING = 1.5
 """Time of an event of a contact, over the soonest one, up to which it is at the start."""
 KEPT = ("crossed", "loose", "often", "holds", "slides")
@@ -273,6 +275,22 @@ class Detection:
             return None
         after = t + max(AFTER_JUMP * abs(t), float(figures[NEAR]))
         return Event(int(ending[k]), True, t, after, 0.0, math.inf, at_start=True)
+
+    def kink_before(self, since: float) -> Event | None:
+        """Return the first kink of a distance that has been passed from ``since`` [s] on, the start
+        of the step that was examined last, to the present state, or None.
+        """
+        own, before, now = self.detector.margins, self.detector.value[0], self.detector.probe
+        self._call(step_events.set_margins, self.detector, self.workspace, now)
+        less, more = np.sort(np.abs([before, now]), axis=0)
+        passed = (own.kind == KINK) & (before * now < 0.0) & (less > PASSED * more)
+        if not passed.any():
+            return None
+        t = float(self.workspace.state.time[0])
+        part = np.where(passed, before / np.where(passed, before - now, 1.0), math.inf)
+        k = int(np.argmin(part))
+        rate = float(now[k] - before[k]) / (t - since)
+        return Event(k, False, since + float(part[k]) * (t - since), t, 0.0, rate)
 
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""

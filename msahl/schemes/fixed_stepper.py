@@ -386,7 +386,7 @@ class FixedStepper:
             if self._only_begins(event) and not holds:
                 outcome, part, event = self._begin_slip(event, begin, h, part)
             else:
-                part = self._take_part(event, begin, h, part)
+                event, part = self._take_to_first(event, begin, h, part)
                 if self.contacts and math.isnan(part) and not holds:
                     (outcome, part), event = self._approach(event, begin, h), None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
@@ -398,10 +398,25 @@ class FixedStepper:
         if holds:
             detection.release(forever=True)
             return self._take_next(h, begun, events, False)
+        if self.contacts and not event and self._opens_where_stuck(begin):
+            return self._take_next(h, begun, events, False)
         detection.blame()
         if self.contacts is None and (event or 0 < events < MAX_PARTS):
             raise _Undivided
         return Outcome(math.inf, -1) if event else outcome, None, part
+
+    def _opens_where_stuck(self, begin: list[np.ndarray]) -> bool:
+        """Whether other contacts are closed in the steps from the ``begin`` of one that cannot be
+        solved.
+        """
+        assert self.contacts
+        new = self.contacts.change_where_stuck(self.method)
+        if new is None:
+            self._go_back(begin)
+            return False
+        self.method, self.solved_part = new, math.inf
+        self._prepare_detection()
+        return True
 
     def _solve_part(
         self, h: float, share: float, tried: bool, holds: bool
@@ -479,6 +494,21 @@ class FixedStepper:
         self._go_back(begin)
         self.reset_prediction()
         return self._solve_part(h, share, False, False)
+
+    def _take_to_first(
+        self, event: Event, begin: list[np.ndarray], h: float, rest: float
+    ) -> tuple[Event, float]:
+        """Do what ``_take_part`` does up to an ``event``, or to a kink before it: the dense output
+        of a step beyond one may have others before it.
+        """
+        part, since = self._take_part(event, begin, h, rest), float(begin[0][0])
+        if self.contacts is None or not part > 0.0:
+            return event, part
+        assert self.method.detection
+        first = self.method.detection.kink_before(since)
+        if first is None:
+            return event, part
+        return first, self._take_part(first, begin, h, part)
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the

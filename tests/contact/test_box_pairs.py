@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.check import check
 from msahl.check.box_gaps import distance, separation
 from msahl.check.directions import frame
@@ -179,6 +179,63 @@ def test_free_impacts_with_friction_keep_both_momenta(case, scheme, allowed):
     before, after = momenta(states[0], model.bodies), momenta(states[-1], model.bodies)
     assert after == pytest.approx(before, abs=allowed)
     assert report.extremes["energyErrorMax"] < 1e-9
+
+
+def in_other_words(model, rotation=ZERO, names=("A", "B"), backwards=False, swapped=False):
+    """The model of ``colliding`` rotated, with other names, bodies in another order, and the other
+    one as the parent.
+    """
+    R, bodies = np.array(matrix(rotation)), []
+    for given, name in zip(model.bodies, names, strict=True):
+        place, orientation = R @ given.position, compose(rotation, given.orientation)
+        # Velocities are in the axes of the bodies.
+        found = replace(given, name=name, position=tuple(place.tolist()), orientation=orientation)
+        bodies.append(found)
+    ends = names[::-1] if swapped else names
+    contact = replace(model.contacts[0], parent=ends[0], child=ends[1])
+    return replace(model, bodies=(*bodies[:: -1 if backwards else 1],), contacts=(contact,))
+
+
+OTHERS = {
+    "rotated": {"rotation": from_axis_angle((0.48, 0.6, 0.64), 1.1)},
+    "renamed": {"names": ("Z", "Y")},
+    "permuted": {"backwards": True},
+    "swapped": {"swapped": True},
+}
+
+
+def end_of(model, rotation=ZERO, backwards=False):
+    """Places, rotated back, axes and velocities of both boxes at the end; times of impacts."""
+    _, sink, events = run_events(model, "gauss3", 0.01, 0.3)
+    states = sink.table("states")[-1, 1:].reshape(2, 4, 3)[:: -1 if backwards else 1]
+    back = np.array(matrix(rotation)).T
+    axes = [back @ matrix(tuple(state[1])) for state in states]
+    found = [states[:, 0] @ back.T, states[:, 2], states[:, 3], *axes]
+    return np.vstack(found), times_of(events, "impact")
+
+
+@pytest.mark.parametrize("case", STARTS)
+@pytest.mark.parametrize("how", OTHERS)
+def test_boxes_in_other_words_move_in_the_same_way(case, how):
+    model, words = colliding(case), OTHERS[how]
+    given, times = end_of(model)
+    only = {key: value for key, value in words.items() if key not in ("names", "swapped")}
+    found, others = end_of(in_other_words(model, **words), **only)
+    assert times.size > 0
+    assert others == pytest.approx(times, abs=1e-12)
+    # An impact multiplies the round-off of places by the speeds over the sizes, some 100 times.
+    assert found == pytest.approx(given, abs=1e-11)
+
+
+def test_a_box_sticks_on_a_slope_of_another_one():
+    """At 10 degrees, where the friction of 0.5 holds it, for 100 s."""
+    model = pair((0.0, 0.0, 0.22), yawed(0.3), {"friction": 0.5})
+    slope = np.radians(10.0)
+    model = replace(model, gravity=(9.81 * np.sin(slope), 0.0, -9.81 * np.cos(slope)))
+    report, sink, _ = run_events(model, "gauss2", 1.0, 100.0)
+    states = sink.table("states")
+    assert report.time == 100.0
+    assert np.abs(states[:, 1:4] - states[0, 1:4]).max() < 1e-12
 
 
 def test_boxes_that_overlap_are_refused_with_their_depth():

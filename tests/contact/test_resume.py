@@ -11,6 +11,7 @@ from msahl.model.scheme import split
 from msahl.run.tables import EVENTS, TABLES
 from tests.contact.models import ball, pendulum
 from tests.contact.test_compliant import ball as soft_ball
+from tests.contact.test_faces import slid
 from tests.support.models import deck, run_in_memory
 
 
@@ -54,6 +55,13 @@ CASES = [
     ("sliding_sphere", "decaying", 29),
     ("box_on_slope", "preserving", 24),
     ("box_on_slope", "radau2", 40),
+    # While faces slide; after an impact of edges.
+    ("stack_of_boxes", "gauss2", 5),
+    ("crossed_boxes", "preserving", 40),
+    # Before and after its corners are beyond the edge, and while it tips.
+    ("slid", "gauss3", 3),
+    ("slid", "gauss3", 9),
+    ("slid", "preserving", 18),
 ]
 
 
@@ -64,6 +72,9 @@ def test_given_steps(monkeypatch, name, scheme, steps, error):
     if name == "ball":
         model = ball(0.8)
         model = replace(model, simulation=replace(model.simulation, dt=0.02, t_final=5.0))
+    elif name == "slid":
+        model = slid()
+        model = replace(model, simulation=replace(model.simulation, dt=0.01, t_final=0.25))
     elif name == "compliant":
         model = soft_ball(Compliance(2e3, 1.5, 1.0), 0.1, 0.7, 0.0, 9.81)
         model = replace(model, simulation=replace(model.simulation, dt=0.006, t_final=1.0))

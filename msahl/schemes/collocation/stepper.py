@@ -409,8 +409,11 @@ class AdaptiveStepper:
             detection = self.method.detection
             if detection:
                 detection.arm(self.armed)
+            wanted = self.control.figures[step_control.NEXT]
             done = self._take_pairs(most, times)
             seen = detection.event() if detection else None
+            if not (done or seen) and self._opens_where_stuck(wanted):
+                continue
             if seen and seen.ends_run:
                 return done, seen
             if not (self.contacts and detection and seen):
@@ -436,6 +439,21 @@ class AdaptiveStepper:
         if self.contacts:
             self.contacts.fail(None)
         return 0, None
+
+    def _opens_where_stuck(self, h: float) -> bool:
+        """Whether other contacts are closed in the pairs that follow where none could be taken,
+        the first of the size ``h``.
+        """
+        saved = [array.copy() for array in self.workspace.state]
+        new = self.contacts.change_where_stuck(self.method) if self.contacts else None
+        if new is None:
+            for array, value in zip(self.workspace.state, saved, strict=True):
+                array[:] = value
+            return False
+        self.method = new
+        t, figures = float(self.workspace.state.time[0]), self.control.figures
+        figures[step_control.NEXT], figures[step_control.STOP] = h, t + self.contacts.time_left()
+        return True
 
     def _take_pairs(self, most: int, times: np.ndarray) -> int:
         """Take pairs of steps, about ``most`` steps; the number of steps taken."""
