@@ -25,7 +25,8 @@ def _findings(body: ElasticBody) -> Iterator[Finding]:
     if not q or len(body.damping) != q or body.carriers > len(body.followers):
         yield Finding("stiffness", "each amplitude needs a stiffness, a damping and a carrier")
         return
-    if least_followers(q, body.squares) > len(body.followers) or min(body.squares, default=0) < 0:
+    least = min((one.argument for one in body.squares), default=0)
+    if least < 0 or least_followers(q, body.squares) > len(body.followers):
         yield Finding("squares", "squares and followers do not fit together; correct them")
         return
     n = q + len(body.squares)

@@ -16,12 +16,14 @@ from msahl.deck.faults import Element, attribute, text
 from msahl.deck.states import with_states
 from msahl.deck.values import Reader
 from msahl.model.bodies import RigidBody
-from msahl.model.elastic import ElasticBody, least_followers
+from msahl.model.elastic import ElasticBody, Square, least_followers
 from msahl.records import record
 from msahl.reduction.followers import Part, Parts, Start, build_elastic_body
 
 FRAME = 5
 """Numbers of a frame: mass, inertia, place."""
+MOST_SQUARED = 100_000
+"""Largest number of what is squared, before it is compared with the followers."""
 
 
 @record
@@ -84,8 +86,8 @@ def _parts(modes: Element, name: str, reader: Reader) -> Parts | None:
     stiffness, damping, given, *rows = (
         _values(modes, tag) for tag in ("stiffness", "damping", "squares", "frame", "follower")
     )
-    k, c, squares = (one[0] if one else np.zeros(0) for one in (stiffness, damping, given))
-    q, n = k.size, k.size + squares.size
+    k, c, pairs = (one[0] if one else np.zeros(0) for one in (stiffness, damping, given))
+    q, n = k.size, k.size + pairs.size // 2
     sizes = {"frame": (FRAME,), "follower": (FRAME + 3 * n, FRAME + 6 * n)}
     for found, (tag, allowed) in zip(rows, sizes.items(), strict=True):
         if any(row.size not in allowed for row in found):
@@ -101,11 +103,19 @@ def _parts(modes: Element, name: str, reader: Reader) -> Parts | None:
         return None
     names = [f"{name}.{attribute(e, 'name')}" for e in modes.iterfind("follower")]
     parts = [_part(name, rows[0][0], n), *map(_part, names, rows[1], [n] * len(names))]
-    arguments = tuple(int(k) - 1 for k in squares)
-    if least_followers(q, arguments) > len(names) or min(arguments, default=0) < 0:
+    squares = _squares(pairs)
+    if squares is None or least_followers(q, squares) > len(names):
         reader.faults.add(modes, "squares and followers do not fit together; correct them")
         return None
-    return Parts(tuple(parts), k, c, arguments)
+    return Parts(tuple(parts), k, c, squares)
+
+
+def _squares(pairs: np.ndarray) -> tuple[Square, ...] | None:
+    """Return the squares of numbers, from 1, and factors; None if there are no such."""
+    numbers = pairs[::2]
+    if pairs.size % 2 or any(not 1 <= number <= MOST_SQUARED for number in numbers):
+        return None
+    return tuple(Square(int(n) - 1, float(c)) for n, c in zip(numbers, pairs[1::2], strict=True))
 
 
 def _values(modes: Element, tag: str) -> list[np.ndarray]:

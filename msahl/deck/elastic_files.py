@@ -14,6 +14,7 @@ from msahl.check.names import FORBIDDEN
 from msahl.deck.elements import child, numbers
 from msahl.deck.faults import DeckError, Element, Faults, attribute
 from msahl.deck.parse import read_bytes
+from msahl.model.elastic import Square
 from msahl.reduction.body import ReducedBody, read_body_bytes
 from msahl.reduction.faults import ReductionError
 from msahl.reduction.followers import Part, Parts, parts_of
@@ -80,10 +81,11 @@ def _write_modes(element: Element, parts: Parts) -> None:
         write_part(modes, part)
 
 
-def write_squares(modes: Element, squares: Sequence[int]) -> None:
-    """Add what is squared, counted from 1, to ``<modes>``; nothing without stiffening."""
+def write_squares(modes: Element, squares: Sequence[Square]) -> None:
+    """Add what is squared, counted from 1, and its factors to ``<modes>``; nothing without any."""
     if squares:
-        numbers(modes, "squares", [k + 1 for k in squares])
+        pairs = ((one.argument + 1, one.factor) for one in squares)
+        numbers(modes, "squares", [number for pair in pairs for number in pair])
 
 
 def write_part(modes: Element, part: Part) -> None:

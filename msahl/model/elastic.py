@@ -10,7 +10,7 @@ The first followers carry the amplitudes: three to a body, as its displacements 
 the frame. With geometric stiffening, the next ones carry squares likewise, which are numbered
 behind the amplitudes in the sums above, and behind them are the sums of amplitudes that are squared:
 
-    s_l = b_l^2       b_l an amplitude, or a displacement of a follower behind those of squares [m]
+    s_l = c_l b_l^2      b_l an amplitude, or a displacement of a follower behind those of squares
 
 All followers are rigid bodies of the model, so joints, loads and markers attach to them.
 """
@@ -37,17 +37,25 @@ class Follower:
 
 
 @record
+class Square:
+    """A square: of the amplitude ``argument``, from 0, or behind these of that displacement of the
+    followers behind those of squares; times a ``factor`` c [1/m], as it is a displacement [m]."""
+
+    argument: int
+    factor: float
+
+
+@record
 class ElasticBody:
     """The modes of the body ``name``: ``stiffness`` [N/m] and ``damping`` [N s/m] of each
-    amplitude, whose elastic energy is stiffness a^2/2; ``squares`` are what is squared: the number
-    of an amplitude, from 0, or behind these that of a displacement.
+    amplitude, whose elastic energy is stiffness a^2/2; ``squares`` with geometric stiffening.
     """
 
     name: str
     followers: tuple[Follower, ...]
     stiffness: tuple[float, ...]
     damping: tuple[float, ...]
-    squares: tuple[int, ...] = ()
+    squares: tuple[Square, ...] = ()
 
     @property
     def carriers(self) -> int:
@@ -85,7 +93,7 @@ def node_places(body: ElasticBody) -> list[Vector]:
     return [one.place for one in body.followers if any(map(any, one.rotation))]
 
 
-def least_followers(amplitudes: int, squares: tuple[int, ...]) -> int:
+def least_followers(amplitudes: int, squares: tuple[Square, ...]) -> int:
     """Return how many followers carry so many amplitudes, the squares, and what is squared."""
-    last = max([amplitudes - 1, *squares]) - amplitudes  # displacement of the last sum
+    last = max([amplitudes - 1, *(one.argument for one in squares)]) - amplitudes  # of the sums
     return -(-amplitudes // AXES) - (-len(squares) // AXES) + last // AXES + 1

@@ -8,7 +8,7 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, Matrix, Vector
 from msahl.model.bodies import RigidBody
-from msahl.model.elastic import AXES, ElasticBody, Follower, Rows
+from msahl.model.elastic import AXES, ElasticBody, Follower, Rows, Square
 from msahl.reduction.body import ReducedBody
 from msahl.reduction.particles import Masses, Particles, amplitude_scale, particles
 from msahl.reduction.squares import no_squares, second_order, squares_of
@@ -36,7 +36,7 @@ class Parts(NamedTuple):
     bodies: tuple[Part, ...]
     stiffness: np.ndarray  # (q,) [N/m]
     damping: np.ndarray  # (q,) [N s/m]
-    squares: tuple[int, ...] = ()
+    squares: tuple[Square, ...] = ()
 
 
 class Start(NamedTuple):
@@ -69,15 +69,17 @@ def parts_of(name: str, body: ReducedBody, stiffening: bool = False) -> Parts:
     seconds = [np.zeros((*one.shape.shape[:2], count)) for _, one in groups]
     turned = [np.zeros_like(one) for one in seconds]
     seconds[2] = np.eye(3 * seconds[2].shape[0])[:, :count].reshape(seconds[2].shape)
+    numbers: tuple[Square, ...] = ()
     if given is not None:
-        seconds[4], turned[4], seconds[5] = second_order(given, found, squares.pairs)
+        seconds[4], turned[4], seconds[5], factor = second_order(given, found, squares.pairs)
+        numbers = tuple(map(Square, squares.arguments, factor.tolist()))
     bodies = [
         part
         for (names, one), *more in zip(groups, seconds, turned, strict=True)
         for part in _parts(names, one, more, body.centre)
     ]
     scaled = body.eigenvalues * found.scale**2
-    return Parts(tuple(bodies), scaled, _damping(body, found), squares.arguments if count else ())
+    return Parts(tuple(bodies), scaled, _damping(body, found), numbers)
 
 
 def _numbered(name: str, count: int) -> list[str]:
@@ -134,10 +136,12 @@ def _with_squares(parts: Parts, start: Start) -> Start:
     q, count = parts.stiffness.size, len(parts.squares)
     first = 1 + -(-q // AXES) + -(-count // AXES)
     sums = [row[:q] for part in parts.bodies[first:] for row in part.shape]
-    rows = np.array([*np.eye(q), *sums])[list(parts.squares)]
+    rows = np.array([*np.eye(q), *sums])[[one.argument for one in parts.squares]]
+    factor = np.array([one.factor for one in parts.squares])
     value, rate = rows @ start.amplitude, rows @ start.rate
     return start._replace(
-        amplitude=np.r_[start.amplitude, value**2], rate=np.r_[start.rate, 2.0 * value * rate]
+        amplitude=np.r_[start.amplitude, factor * value**2],
+        rate=np.r_[start.rate, 2.0 * factor * value * rate],
     )
 
 

@@ -79,7 +79,7 @@ def particles(
     inertia = _round_inertia(body, sum(-(-n // 3) for n in (q, squares, len(sums))))
     frame, amplitudes, nodes = carriers(body, scale, inertia)
     carried = sum_carriers(sums, modal, amplitudes.inertia[0])
-    squared = square_carriers(squares, amplitudes)
+    squared = square_carriers(squares, q, body.invariants.mass, inertia)
     spin = SHARE * inertia / (4 + 3 * q)
     taken = sum(_moments_of(one) for one in (frame, amplitudes, squared, carried, nodes))
     taken[1:4, 1:4] += 0.5 * spin * (4 + 3 * q) * np.eye(3)
@@ -149,13 +149,13 @@ def carriers(
     return frame, amplitudes, nodes
 
 
-def square_carriers(count: int, amplitudes: Masses) -> Masses:
-    """Return bodies that carry squares of amplitudes, as heavy as the lightest of ``amplitudes``:
-    their mass counts to fourth order in these."""
-    b, q = -(-count // 3), amplitudes.shape.shape[2]
+def square_carriers(count: int, q: int, mass: float, inertia: float) -> Masses:
+    """Return bodies that carry ``count`` squares of q amplitudes, with a ``SHARE`` of ``mass`` and
+    ``inertia`` each: it counts to fourth order in the amplitudes."""
+    b = -(-count // 3)
     still = np.zeros((b, 3, q))
-    mass, inertia = amplitudes.mass.min(), amplitudes.inertia.min()
-    return Masses(np.zeros((b, 3)), still, still, np.full(b, mass), np.full(b, inertia))
+    own = np.full(b, SHARE * mass), np.full(b, SHARE * inertia)
+    return Masses(np.zeros((b, 3)), still, still, *own)
 
 
 def sum_carriers(sums: np.ndarray, modal: np.ndarray, inertia: float) -> Masses:

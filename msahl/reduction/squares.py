@@ -68,10 +68,19 @@ def by_squares(forms: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     return weights
 
 
-def second_order(
-    given: Stiffening, found: Particles, pairs: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return psi of the nodes (p, 3, l), their rotations (p, 3, l), and psi of the particles."""
+class SecondOrder(NamedTuple):
+    """Displacements psi of the nodes (p, 3, l) and their rotations (p, 3, l), and those of the
+    particles (b, 3, l), by squares times ``factor`` (l,) [1/m]: these are displacements [m] of
+    which the largest psi is 1."""
+
+    nodes: np.ndarray
+    rotations: np.ndarray
+    points: np.ndarray
+    factor: np.ndarray
+
+
+def second_order(given: Stiffening, found: Particles, pairs: np.ndarray) -> SecondOrder:
+    """Return the displacements of second order of all bodies of a reduced one."""
     units = np.outer(found.scale, found.scale)
     moment, nodes = (by_squares(one * units, pairs) for one in (given.moment, given.interface))
     wanted = np.concatenate([np.zeros((1, *moment.shape[1:])), moment])
@@ -81,7 +90,13 @@ def second_order(
     units = np.sqrt(np.r_[G[0, 0], np.full(3, np.trace(G[1:, 1:]))])
     inverse = np.linalg.pinv(G / np.outer(units, units), FLAT, hermitian=True)
     W = np.einsum("ij,jal->ial", inverse / np.outer(units, units), wanted)
-    return nodes[:, :3], nodes[:, 3:], np.einsum("bi,ial->bal", rows, W)
+    points = np.einsum("bi,ial->bal", rows, W)
+    size = units[1] / units[0]  # radius of gyration [m]
+    largest = np.max(
+        [np.abs(one).max(axis=(0, 1)) for one in (nodes[:, :3], size * nodes[:, 3:], points)], 0
+    )
+    factor = np.where(largest > 0.0, largest, 1.0 / size)
+    return SecondOrder(*(one / factor for one in (nodes[:, :3], nodes[:, 3:], points)), factor)
 
 
 def _rows(bodies: Masses) -> np.ndarray:

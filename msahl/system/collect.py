@@ -479,7 +479,9 @@ class _Collector:
                     place = in_plane(IDENTITY[axis])
                     self._follow(place, pair, follower.shape[axis], along)
                 elif j >= len(body.stiffness):
-                    self._square(along[j], self._squared(body, j, along, pairs), law)
+                    square = body.squares[j - len(body.stiffness)]
+                    argument = self._squared(body, square.argument, along, pairs)
+                    self._square(along[j], square.factor, argument, law)
                 self._follow(rotation_about(axis), pair, follower.rotation[axis], along)
             self.unknown += 1
         along = along[: len(body.stiffness)]
@@ -510,22 +512,20 @@ class _Collector:
         self.elements.equations.append(entry)
 
     def _squared(
-        self, body: ElasticBody, j: int, along: list[int], pairs: Sequence[Pair]
+        self, body: ElasticBody, argument: int, along: list[int], pairs: Sequence[Pair]
     ) -> int:
-        """Return the coordinate whose square number ``j``, counted with the amplitudes, is."""
-        q = len(body.stiffness)
-        argument = body.squares[j - q]
-        if argument < q:
+        """Return the coordinate that is squared: an amplitude, or that of a sum of amplitudes."""
+        k, axis = divmod(argument - len(body.stiffness), AXES)
+        if k < 0:
             return along[argument]
-        k, axis = divmod(argument - q, AXES)
         first = body.carriers + body.square_carriers
         return self._add(in_plane(IDENTITY[axis]).first, pairs[first + k])
 
-    def _square(self, coordinate: int, argument: int, law: int) -> None:
-        """Add the equation by which a coordinate is the square of another one."""
+    def _square(self, coordinate: int, factor: float, argument: int, law: int) -> None:
+        """Add the equation by which a coordinate is a factor times the square of another one."""
         equation = Equation(self.elements.coordinates[coordinate][0], 0.0)
         entry = EquationEntry(
-            *(self.unknown, coordinate, argument, -1.0, equation), function=law
+            *(self.unknown, coordinate, argument, -factor, equation), function=law
         )
         self.elements.equations.append(entry)
 
