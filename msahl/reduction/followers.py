@@ -10,7 +10,7 @@ from msahl.algebra.vector import ZERO, Matrix, Vector
 from msahl.model.bodies import RigidBody
 from msahl.model.elastic import AXES, ElasticBody, Follower, Rows, Square
 from msahl.reduction.body import ReducedBody
-from msahl.reduction.particles import Masses, Particles, amplitude_scale, particles
+from msahl.reduction.particles import Masses, Particles, particles
 from msahl.reduction.squares import no_squares, second_order, squares_of
 
 SMALL = 1e-4
@@ -55,7 +55,7 @@ def parts_of(name: str, body: ReducedBody, stiffening: bool = False) -> Parts:
     """Return the bodies of a reduced one, with names that begin with ``name``; with the geometric
     stiffening that the body has, or without."""
     q, given = body.eigenvalues.size, body.stiffening if stiffening else None
-    squares = no_squares(q) if given is None else squares_of(given, amplitude_scale(body), body)
+    squares = no_squares(q) if given is None else squares_of(given, body)
     count = len(squares.pairs)
     found = particles(body, squares.sums, count)
     groups = [
@@ -71,7 +71,9 @@ def parts_of(name: str, body: ReducedBody, stiffening: bool = False) -> Parts:
     seconds[2] = np.eye(3 * seconds[2].shape[0])[:, :count].reshape(seconds[2].shape)
     numbers: tuple[Square, ...] = ()
     if given is not None:
-        seconds[4], turned[4], seconds[5], factor = second_order(given, found, squares.pairs)
+        seconds[4], turned[4], seconds[5], factor = second_order(
+            given, body.invariants.inertia_curve, found, squares.pairs
+        )
         numbers = tuple(map(Square, squares.arguments, factor.tolist()))
     bodies = [
         part

@@ -16,10 +16,16 @@ from msahl.reduction.body import ReducedBody
 from msahl.reduction.particles import Masses, Particles
 from msahl.reduction.stiffening import Stiffening
 
-NEGLIGIBLE = 1e-9
-"""Y by the largest, in metres, of pairs that are left out."""
+NEGLIGIBLE = 1e-4
+"""Change of stiffness by that of both amplitudes, in units of the largest one, of pairs that are
+left out: by loads in the body that change the lowest frequency by a tenth, those change the others by
+1e-5."""
 FLAT = 1e-9
 """Second moment of mass by the largest, below which a body has no extent in a direction."""
+
+
+THIN = 1e-6
+"""The same, below which its inertia of second order is not corrected."""
 
 
 class Squares(NamedTuple):
@@ -41,16 +47,17 @@ def no_squares(q: int) -> Squares:
     return Squares(np.zeros((0, 2), dtype=np.int64), np.zeros((0, q)))
 
 
-def squares_of(given: Stiffening, scale: np.ndarray, body: ReducedBody) -> Squares:
-    """Return the squares that the stiffening needs; ``scale`` (q,) as in ``Particles``."""
+def squares_of(given: Stiffening, body: ReducedBody) -> Squares:
+    """Return the squares that the stiffening needs."""
     size = np.sqrt(np.trace(body.invariants.inertia) / body.invariants.mass)
     forms = [
         given.moment.reshape(9, *given.moment.shape[2:]) / (body.invariants.mass * size),
         *(given.interface[:, :3], size * given.interface[:, 3:]),
     ]
-    q = scale.size
+    q = body.eigenvalues.size
     largest = np.max([np.abs(one.reshape(-1, q, q)).max(axis=0, initial=0.0) for one in forms], 0)
-    largest = largest * np.outer(scale, scale)
+    omega = np.sqrt(body.eigenvalues)
+    largest = largest / np.outer(omega, omega)
     j, k = np.nonzero(np.triu(largest > NEGLIGIBLE * largest.max(initial=0.0), 1))
     own = np.arange(q)
     return Squares(
@@ -79,14 +86,17 @@ class SecondOrder(NamedTuple):
     factor: np.ndarray
 
 
-def second_order(given: Stiffening, found: Particles, pairs: np.ndarray) -> SecondOrder:
+def second_order(
+    given: Stiffening, curve: np.ndarray, found: Particles, pairs: np.ndarray
+) -> SecondOrder:
     """Return the displacements of second order of all bodies of a reduced one."""
     units = np.outer(found.scale, found.scale)
     moment, nodes = (by_squares(one * units, pairs) for one in (given.moment, given.interface))
-    wanted = np.concatenate([np.zeros((1, *moment.shape[1:])), moment])
-    wanted -= np.einsum("b,bi,bjl->ijl", found.nodes.mass, _rows(found.nodes), nodes[:, :3])
     rows = _rows(found.points)
     G = np.einsum("b,bi,bj->ij", found.points.mass, rows, rows)
+    moment += by_squares(_compensation(curve * units, found, G[1:, 1:]), pairs)
+    wanted = np.concatenate([np.zeros((1, *moment.shape[1:])), moment])
+    wanted -= np.einsum("b,bi,bjl->ijl", found.nodes.mass, _rows(found.nodes), nodes[:, :3])
     units = np.sqrt(np.r_[G[0, 0], np.full(3, np.trace(G[1:, 1:]))])
     inverse = np.linalg.pinv(G / np.outer(units, units), FLAT, hermitian=True)
     W = np.einsum("ij,jal->ial", inverse / np.outer(units, units), wanted)
@@ -97,6 +107,25 @@ def second_order(given: Stiffening, found: Particles, pairs: np.ndarray) -> Seco
     )
     factor = np.where(largest > 0.0, largest, 1.0 / size)
     return SecondOrder(*(one / factor for one in (nodes[:, :3], nodes[:, 3:], points)), factor)
+
+
+def _compensation(curve: np.ndarray, found: Particles, G: np.ndarray) -> np.ndarray:
+    """Return the integrals (3, 3, q, q) of x psi dm by which the inertia of second order is that of
+    the body, whose ``curve`` (3, 3, q, q) differs from the particles'; ``G`` (3, 3) is that of x x
+    dm."""
+    groups = (found.frame, found.amplitudes, found.sums, found.nodes, found.points)
+    P = sum(np.einsum("b,baj,bck->acjk", one.mass, one.shape, one.shape) for one in groups)
+    lack = 0.5 * np.einsum("iijk,ac->acjk", curve, np.eye(3)) - curve - P
+    lack = 0.5 * (lack + lack.transpose(1, 0, 2, 3))
+    lack = 0.5 * (lack + lack.transpose(0, 1, 3, 2))
+    g, V = np.linalg.eigh(G)
+    g = np.maximum(g, 0.0)
+    sums = g[:, None] + g
+    with np.errstate(divide="ignore"):
+        B = np.where(sums > THIN * g.max(), 1.0 / sums, 0.0)
+    own = np.einsum("ai,acjk,cl->iljk", V, lack, V)
+    result: np.ndarray = np.einsum("ai,iljk,cl->acjk", V, g[:, None, None, None] * B[..., None, None] * own, V)
+    return result
 
 
 def _rows(bodies: Masses) -> np.ndarray:
