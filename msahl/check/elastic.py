@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 
 from msahl.check.faults import Finding, number_findings
 from msahl.check.names import unresolved
-from msahl.model.elastic import AXES, ElasticBody
+from msahl.model.elastic import ElasticBody, least_followers
 
 
 def elastic_findings(body: ElasticBody, bodies: Collection[str]) -> Iterator[Finding]:
@@ -25,14 +25,20 @@ def _findings(body: ElasticBody) -> Iterator[Finding]:
     if not q or len(body.damping) != q or body.carriers > len(body.followers):
         yield Finding("stiffness", "each amplitude needs a stiffness, a damping and a carrier")
         return
+    least = min((one.argument for one in body.squares), default=0)
+    if least < 0 or least_followers(q, body.squares) > len(body.followers):
+        yield Finding("squares", "squares and followers do not fit together; correct them")
+        return
+    n = q + len(body.squares)
     for follower in body.followers:
         yield from number_findings(follower)
-        if any(len(row) != q for row in (*follower.shape, *follower.rotation)):
-            message = f"'{follower.body}' does not have a shape for each of {q} amplitudes"
+        if any(len(row) != n for row in (*follower.shape, *follower.rotation)):
+            message = f"'{follower.body}' does not have a shape for each of {n} numbers"
             yield Finding("followers", f"{message}; correct it")
             return
-    for j, (_, axis) in enumerate(body.amplitudes):
-        row = body.followers[j // AXES].shape[axis]
-        if row[j] != 1.0 or any(value for k, value in enumerate(row) if k != j):
-            yield Finding("followers", f"amplitude {j + 1} is not the displacement of its carrier")
+    for j, (k, axis) in enumerate((*body.carried(0, q), *body.squared)):
+        row = body.followers[k].shape[axis]
+        if row[j] != 1.0 or any(value for i, value in enumerate(row) if i != j):
+            what = f"amplitude {j + 1}" if j < q else f"square {j - q + 1}"
+            yield Finding("followers", f"{what} is not the displacement of its carrier")
             return

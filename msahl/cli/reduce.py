@@ -83,6 +83,12 @@ UNITS = ("m-kg", "mm-t", "mm-kg", "in-lbf")
     metavar="TEXT",
     help="Set the cross-section of a mesh of beams, such as 'radius=0.01', or its file.",
 )
+@click.option(
+    "--stiffening",
+    is_flag=True,
+    help="Add the geometric stiffening, by which loads in a body change its stiffness: of meshes of "
+    "beams.",
+)
 @quiet_option
 def reduce(
     file: Path,
@@ -144,4 +150,5 @@ def _wishes(interfaces: tuple[str, ...], given: dict[str, Any]) -> "Wishes":
         tuple(interface_of(text) for text in interfaces),
         wanted,
         str(given["frame"]),
+        bool(given["stiffening"]),
     )

@@ -10,18 +10,20 @@ from msahl.check.bodies import body_findings
 from msahl.check.context import INERTIAL
 from msahl.check.elastic import elastic_findings
 from msahl.check.faults import LARGEST, number_findings
-from msahl.deck.elastic_files import write_part
+from msahl.deck.elastic_files import write_part, write_squares
 from msahl.deck.elements import child, numbers
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.states import with_states
 from msahl.deck.values import Reader
 from msahl.model.bodies import RigidBody
-from msahl.model.elastic import ElasticBody
+from msahl.model.elastic import ElasticBody, Square, least_followers
 from msahl.records import record
 from msahl.reduction.followers import Part, Parts, Start, build_elastic_body
 
 FRAME = 5
 """Numbers of a frame: mass, inertia, place."""
+MOST_SQUARED = 100_000
+"""Largest number of what is squared, before it is compared with the followers."""
 
 
 @record
@@ -81,12 +83,12 @@ def _add(element: Element, body: RigidBody, reader: Reader) -> None:
 
 def _parts(modes: Element, name: str, reader: Reader) -> Parts | None:
     """Return the bodies by the numbers of ``<modes>``; None with a fault."""
-    stiffness, damping, *rows = (
-        _values(modes, tag) for tag in ("stiffness", "damping", "frame", "follower")
+    stiffness, damping, given, *rows = (
+        _values(modes, tag) for tag in ("stiffness", "damping", "squares", "frame", "follower")
     )
-    k, c = (one[0] if one else np.zeros(0) for one in (stiffness, damping))
-    q = k.size
-    sizes = {"frame": (FRAME,), "follower": (FRAME + 3 * q, FRAME + 6 * q)}
+    k, c, pairs = (one[0] if one else np.zeros(0) for one in (stiffness, damping, given))
+    q, n = k.size, k.size + pairs.size // 2
+    sizes = {"frame": (FRAME,), "follower": (FRAME + 3 * n, FRAME + 6 * n)}
     for found, (tag, allowed) in zip(rows, sizes.items(), strict=True):
         if any(row.size not in allowed for row in found):
             reader.faults.add(modes, f"a <{tag}> does not have {allowed[-1]} numbers; correct it")
@@ -100,8 +102,20 @@ def _parts(modes: Element, name: str, reader: Reader) -> Parts | None:
         reader.faults.add(modes, f"a number is too large; numbers go up to {LARGEST:g}")
         return None
     names = [f"{name}.{attribute(e, 'name')}" for e in modes.iterfind("follower")]
-    parts = [_part(name, rows[0][0], q), *map(_part, names, rows[1], [q] * len(names))]
-    return Parts(tuple(parts), k, c)
+    parts = [_part(name, rows[0][0], n), *map(_part, names, rows[1], [n] * len(names))]
+    squares = _squares(pairs)
+    if squares is None or least_followers(q, squares) > len(names):
+        reader.faults.add(modes, "squares and followers do not fit together; correct them")
+        return None
+    return Parts(tuple(parts), k, c, squares)
+
+
+def _squares(pairs: np.ndarray) -> tuple[Square, ...] | None:
+    """Return the squares of numbers, from 1, and factors; None if there are no such."""
+    numbers = pairs[::2]
+    if pairs.size % 2 or any(not 1 <= number <= MOST_SQUARED for number in numbers):
+        return None
+    return tuple(Square(int(n) - 1, float(c)) for n, c in zip(numbers, pairs[1::2], strict=True))
 
 
 def _values(modes: Element, tag: str) -> list[np.ndarray]:
@@ -178,6 +192,7 @@ def write_elastic_body(element: Element, body: ElasticBody, bodies: Sequence[Rig
     modes = child(element, "modes")
     numbers(modes, "stiffness", body.stiffness)
     numbers(modes, "damping", body.damping)
+    write_squares(modes, body.squares)
     for part in _parts_of(body, bodies):
         write_part(modes, part)
     states = [

@@ -5,6 +5,7 @@
 So a deck as it ran is complete. Files lie beside the deck or below, as parts do.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from msahl.check.names import FORBIDDEN
 from msahl.deck.elements import child, numbers
 from msahl.deck.faults import DeckError, Element, Faults, attribute
 from msahl.deck.parse import read_bytes
+from msahl.model.elastic import Square
 from msahl.reduction.body import ReducedBody, read_body_bytes
 from msahl.reduction.faults import ReductionError
 from msahl.reduction.followers import Part, Parts, parts_of
@@ -30,9 +32,10 @@ def read_elastic_file(element: Element, path: Path, data: bytes | None, faults: 
     try:
         data = read_bytes(path, own) if data is None else data
         body = read_body_bytes(str(path), data)
-        problem = _problem(body)
+        stiffening = attribute(element, "stiffening") in ("true", "1")
+        problem = _problem(body, stiffening)
         if not problem:
-            _write_modes(element, _short(parts_of("", body)))
+            _write_modes(element, _short(parts_of("", body, stiffening)))
     except DeckError as error:
         problem = error.faults[0].message
     except ReductionError as error:
@@ -44,8 +47,8 @@ def read_elastic_file(element: Element, path: Path, data: bytes | None, faults: 
     return data or b""
 
 
-def _problem(body: ReducedBody) -> str:
-    """Return why a deck cannot have a body; "" if it can."""
+def _problem(body: ReducedBody, stiffening: bool) -> str:
+    """Return why a deck cannot have a body, with geometric stiffening or without; "" if it can."""
     names = [str(name) for name in np.atleast_1d(body.interface_names)]
     D = body.damping
     across = np.abs(D - np.diag(np.diag(D))).max(initial=0.0)
@@ -55,6 +58,8 @@ def _problem(body: ReducedBody) -> str:
         return f"it has {body.eigenvalues.size} modes; a deck takes 1 to {MOST_MODES}"
     if any(not n.isprintable() or n != n.strip() or FORBIDDEN & set(n) or not n for n in names):
         return "a name of the interface has characters that no name in a deck has"
+    if stiffening and body.stiffening is None:
+        return "it has no geometric stiffening; reduce a mesh of beams with --stiffening"
     if across > COUPLED * np.abs(np.diag(D)).max(initial=0.0):
         return "its damping couples the modes; leave the matrix of damping out, give dampingRatio"
     return ""
@@ -71,8 +76,16 @@ def _write_modes(element: Element, parts: Parts) -> None:
     modes = child(element, "modes")
     numbers(modes, "stiffness", parts.stiffness)
     numbers(modes, "damping", parts.damping)
+    write_squares(modes, parts.squares)
     for part in parts.bodies:
         write_part(modes, part)
+
+
+def write_squares(modes: Element, squares: Sequence[Square]) -> None:
+    """Add what is squared, counted from 1, and its factors to ``<modes>``; nothing without any."""
+    if squares:
+        pairs = ((one.argument + 1, one.factor) for one in squares)
+        numbers(modes, "squares", [number for pair in pairs for number in pair])
 
 
 def write_part(modes: Element, part: Part) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from msahl.reduction.arrays import arrays_of, read_arrays
 from msahl.reduction.faults import ReductionError
 from msahl.reduction.invariants import Invariants
+from msahl.reduction.stiffening import Stiffening
 
 FORMAT = "msahl elastic body 1"
 
@@ -39,6 +40,7 @@ class ReducedBody:
     effective_mass: np.ndarray  # (6,)
     static_residual: float
     invariants: Invariants
+    stiffening: Stiffening | None = None
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -50,8 +52,10 @@ class ReducedBody:
 def body_bytes(body: ReducedBody) -> bytes:
     """Return the contents of the file of a body."""
     arrays = {one.name: getattr(body, one.name) for one in fields(body)}
-    invariants = arrays.pop("invariants")
+    invariants, stiffening = arrays.pop("invariants"), arrays.pop("stiffening")
     arrays |= {f"invariant_{one.name}": getattr(invariants, one.name) for one in fields(invariants)}
+    if stiffening is not None:
+        arrays |= {f"stiffening_{k.name}": getattr(stiffening, k.name) for k in fields(stiffening)}
     stream = io.BytesIO()
     np.savez_compressed(stream, format=np.array(FORMAT), **arrays)
     return stream.getvalue()
@@ -75,12 +79,30 @@ def _of_arrays(path: Path, arrays: dict[str, np.ndarray]) -> ReducedBody:
         own = {
             one.name: _taken(arrays, one.name)
             for one in fields(ReducedBody)
-            if one.name[:3] != "inv"
+            if one.name not in ("invariants", "stiffening")
         }
     except KeyError as error:
         raise ReductionError(str(path), f"{error.args[0]} is missing; make it again") from None
     _check_shapes(path, own, taken)
-    return ReducedBody(**own, invariants=Invariants(**taken))
+    return ReducedBody(
+        **own, invariants=Invariants(**taken), stiffening=_stiffening(path, arrays, own)
+    )
+
+
+def _stiffening(
+    path: Path, arrays: dict[str, np.ndarray], own: dict[str, Any]
+) -> Stiffening | None:
+    """Return the stiffening of a file, None of one that has none."""
+    names = [one.name for one in fields(Stiffening)]
+    found = [arrays.get(f"stiffening_{name}") for name in names]
+    q, p = np.size(own["eigenvalues"]), np.size(own["interface_names"])
+    for name, array, shape in zip(names, found, ((3, 3, q, q), (p, 6, q, q)), strict=True):
+        if array is None:
+            return None
+        if array.shape != shape:
+            text = f"stiffening_{name} is {array.shape}, not {shape}; make it again"
+            raise ReductionError(str(path), text)
+    return Stiffening(**dict(zip(names, found, strict=True)))
 
 
 def _taken(arrays: dict[str, np.ndarray], name: str) -> Any:

@@ -8,16 +8,18 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, Matrix, Vector
 from msahl.model.bodies import RigidBody
-from msahl.model.elastic import AXES, ElasticBody, Follower, Rows
+from msahl.model.elastic import AXES, ElasticBody, Follower, Rows, Square
 from msahl.reduction.body import ReducedBody
 from msahl.reduction.particles import Masses, Particles, particles
+from msahl.reduction.squares import no_squares, second_order, squares_of
 
 SMALL = 1e-4
 """Rotation [rad] below which series replace quotients; their error is its fourth power."""
 
 
 class Part(NamedTuple):
-    """A rigid body of an elastic one, see ``Follower``; arrays (3,), (3, q), (3, q)."""
+    """A rigid body of an elastic one, see ``Follower``; arrays (3,), (3, q + l), (3, q + l) by q
+    amplitudes and l squares."""
 
     name: str
     mass: float
@@ -28,11 +30,13 @@ class Part(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """All bodies of an elastic one: the frame first, then those that carry amplitudes."""
+    """All bodies of an elastic one: the frame first, then those that carry amplitudes, squares, and
+    sums of amplitudes that are squared; ``squares`` as in ``ElasticBody``."""
 
     bodies: tuple[Part, ...]
     stiffness: np.ndarray  # (q,) [N/m]
     damping: np.ndarray  # (q,) [N s/m]
+    squares: tuple[Square, ...] = ()
 
 
 class Start(NamedTuple):
@@ -47,29 +51,58 @@ class Start(NamedTuple):
     rate: np.ndarray
 
 
-def parts_of(name: str, body: ReducedBody) -> Parts:
-    """Return the bodies of a reduced one, with names that begin with ``name``."""
-    found, q = particles(body), body.eigenvalues.size
-    last = [min(AXES * k + AXES, q) for k in range(found.amplitudes.mass.size)]
-    carriers = [f"{name}.modes {AXES * k + 1} to {end}" for k, end in enumerate(last)]
-    nodes = [f"{name}.{node}" for node in body.interface_names]
-    points = [f"{name}.mass {k + 1}" for k in range(found.points.mass.size)]
-    groups = (
+def parts_of(name: str, body: ReducedBody, stiffening: bool = False) -> Parts:
+    """Return the bodies of a reduced one, with names that begin with ``name``; with the geometric
+    stiffening that the body has, or without."""
+    q, given = body.eigenvalues.size, body.stiffening if stiffening else None
+    squares = no_squares(q) if given is None else squares_of(given, body)
+    count = len(squares.pairs)
+    found = particles(body, squares.sums, count)
+    groups = [
         ([name], found.frame),
-        (carriers, found.amplitudes),
-        (nodes, found.nodes),
-        (points, found.points),
-    )
-    bodies = [part for names, masses in groups for part in _parts(names, masses, body.centre)]
-    return Parts(tuple(bodies), body.eigenvalues * found.scale**2, _damping(body, found))
-
-
-def _parts(names: Sequence[str], masses: Masses, centre: np.ndarray) -> list[Part]:
-    each = zip(names, masses.mass, masses.inertia, strict=True)
-    return [
-        Part(one, float(m), float(J), centre + masses.place[k], masses.shape[k], masses.rotation[k])
-        for k, (one, m, J) in enumerate(each)
+        (_numbered(f"{name}.modes", q), found.amplitudes),
+        (_numbered(f"{name}.squares", count), found.squares),
+        (_numbered(f"{name}.sums", len(squares.sums)), found.sums),
+        ([f"{name}.{node}" for node in body.interface_names], found.nodes),
+        ([f"{name}.mass {k + 1}" for k in range(found.points.mass.size)], found.points),
     ]
+    seconds = [np.zeros((*one.shape.shape[:2], count)) for _, one in groups]
+    turned = [np.zeros_like(one) for one in seconds]
+    seconds[2] = np.eye(3 * seconds[2].shape[0])[:, :count].reshape(seconds[2].shape)
+    numbers: tuple[Square, ...] = ()
+    if given is not None:
+        seconds[4], turned[4], seconds[5], factor = second_order(
+            given, body.invariants.inertia_curve, found, squares.pairs
+        )
+        numbers = tuple(map(Square, squares.arguments, factor.tolist()))
+    bodies = [
+        part
+        for (names, one), *more in zip(groups, seconds, turned, strict=True)
+        for part in _parts(names, one, more, body.centre)
+    ]
+    scaled = body.eigenvalues * found.scale**2
+    return Parts(tuple(bodies), scaled, _damping(body, found), numbers)
+
+
+def _numbered(name: str, count: int) -> list[str]:
+    """Return names of bodies that carry three of so many numbers each."""
+    firsts = range(1, count + 1, AXES)
+    return [f"{name} {k} to {min(k + AXES - 1, count)}" for k in firsts]
+
+
+def _parts(
+    names: Sequence[str], masses: Masses, more: Sequence[np.ndarray], centre: np.ndarray
+) -> list[Part]:
+    """Return bodies with shapes and rotations by squares, ``more``, behind those by amplitudes."""
+    shape, rotation = (
+        np.concatenate(both, axis=2)
+        for both in zip((masses.shape, masses.rotation), more, strict=True)
+    )
+    return [
+        Part(one, float(masses.mass[k]), float(masses.inertia[k]), centre + masses.place[k],
+             shape[k], rotation[k])
+        for k, one in enumerate(names)
+    ]  # fmt: skip
 
 
 def _damping(body: ReducedBody, found: Particles) -> np.ndarray:
@@ -81,6 +114,7 @@ def _damping(body: ReducedBody, found: Particles) -> np.ndarray:
 def build_elastic_body(parts: Parts, start: Start) -> tuple[ElasticBody, tuple[RigidBody, ...]]:
     """Return the records of an elastic body and of its rigid bodies at the ``start``."""
     frame, *followers = parts.bodies
+    start = _with_squares(parts, start)
     body = ElasticBody(
         frame.name,
         tuple(
@@ -88,12 +122,29 @@ def build_elastic_body(parts: Parts, start: Start) -> tuple[ElasticBody, tuple[R
         ),
         tuple(parts.stiffness.tolist()),
         tuple(parts.damping.tolist()),
+        parts.squares,
     )
     first = RigidBody(
         *(frame.name, frame.mass, _vector(frame.place), _sphere(frame.inertia)),
         *start[:4],
     )
     return body, (first, *(_follower(part, start) for part in followers))
+
+
+def _with_squares(parts: Parts, start: Start) -> Start:
+    """Return the start with the squares and their rates behind the amplitudes."""
+    if not parts.squares:
+        return start
+    q, count = parts.stiffness.size, len(parts.squares)
+    first = 1 + -(-q // AXES) + -(-count // AXES)
+    sums = [row[:q] for part in parts.bodies[first:] for row in part.shape]
+    rows = np.array([*np.eye(q), *sums])[[one.argument for one in parts.squares]]
+    factor = np.array([one.factor for one in parts.squares])
+    value, rate = rows @ start.amplitude, rows @ start.rate
+    return start._replace(
+        amplitude=np.r_[start.amplitude, factor * value**2],
+        rate=np.r_[start.rate, 2.0 * factor * value * rate],
+    )
 
 
 def _follower(part: Part, start: Start) -> RigidBody:

@@ -28,6 +28,8 @@ from msahl.reduction.rigid import EPSILON
 SHARE = 1e-4
 """Part of the mass, and of the modal masses, that the frame, nodes and amplitudes each take. The
 deviation is of this size; with less, forces on these bodies have more round-off."""
+MOST_TAKEN = 0.9
+"""Part of the smallest second moment of mass that they take together."""
 NEGLIGIBLE = 1e-13
 """Eigenvalue of S, in units of its diagonal, below which there is no mass."""
 CLOSE = 1e-6
@@ -51,25 +53,35 @@ class Masses:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Particles:
-    """A reduced body as masses: the frame, amplitudes (three to a body), nodes, particles."""
+    """A reduced body as masses: the frame, amplitudes (three to a body), squares and sums of
+    amplitudes likewise, nodes, particles."""
 
     frame: Masses
     amplitudes: Masses
+    squares: Masses
+    sums: Masses
     nodes: Masses
     points: Masses
     scale: np.ndarray  # (q,) amplitude of unit modal mass by amplitude in metres [sqrt(kg)]
     deviation: float
 
 
-def particles(body: ReducedBody) -> Particles:
-    """Return the particles of a reduced body."""
-    scale = _scale(body)
+def particles(
+    body: ReducedBody, sums: np.ndarray | None = None, squares: int = 0
+) -> Particles:
+    """Return the particles of a reduced body, beside bodies that carry so many ``squares`` and the
+    ``sums`` (m, q) of amplitudes."""
+    scale = amplitude_scale(body)
     q = scale.size
     S = moments(body.invariants) * np.outer(*[np.r_[np.ones(4), np.repeat(scale, 3)]] * 2)
     modal = scale**2
-    frame, amplitudes, nodes = carriers(body, scale)
-    spin = SHARE * np.trace(body.invariants.inertia) / (3.0 * (4 + 3 * q))
-    taken = _moments_of(frame) + _moments_of(amplitudes) + _moments_of(nodes)
+    sums = np.zeros((0, q)) if sums is None else sums
+    inertia = _round_inertia(body, sum(-(-n // 3) for n in (q, squares, len(sums))))
+    frame, amplitudes, nodes = carriers(body, scale, inertia)
+    carried = sum_carriers(sums, modal, amplitudes.inertia[0])
+    squared = square_carriers(squares, q, body.invariants.mass, inertia)
+    spin = SHARE * inertia / (4 + 3 * q)
+    taken = sum(_moments_of(one) for one in (frame, amplitudes, squared, carried, nodes))
     taken[1:4, 1:4] += 0.5 * spin * (4 + 3 * q) * np.eye(3)
     units = _units(S, modal)
     wanted = (S - taken) / np.outer(units, units)
@@ -77,7 +89,7 @@ def particles(body: ReducedBody) -> Particles:
     L = _corrected(L, wanted)
     difference = np.abs(L @ L.T - wanted)
     points = _points(L * units[:, None], spin * (4 + 3 * q))
-    return Particles(frame, amplitudes, nodes, points, scale, float(difference.max()))
+    return Particles(frame, amplitudes, squared, carried, nodes, points, scale, float(difference.max()))
 
 
 def moments(given: Invariants) -> np.ndarray:
@@ -104,10 +116,22 @@ def moments(given: Invariants) -> np.ndarray:
     return result
 
 
-def carriers(body: ReducedBody, scale: np.ndarray) -> tuple[Masses, Masses, Masses]:
-    """Return the bodies that carry the frame, the amplitudes and the nodes of the interface."""
+def _round_inertia(body: ReducedBody, count: int) -> float:
+    """Return the inertia [kg-m^2] of which ``count`` carriers, the frame, nodes and particles each
+    take a ``SHARE``: the mean moment, or less of bodies so slender that this were too much."""
+    J = body.invariants.inertia
+    mean, thinnest = np.trace(J) / 3.0, 0.5 * np.trace(J) - np.linalg.eigvalsh(J)[-1]
+    taken = 0.5 * SHARE * mean * (count + 2 + len(body.interface_names))
+    return float(mean * min(1.0, MOST_TAKEN * thinnest / taken))
+
+
+def carriers(
+    body: ReducedBody, scale: np.ndarray, inertia: float
+) -> tuple[Masses, Masses, Masses]:
+    """Return the bodies that carry the frame, the amplitudes and the nodes of the interface, which
+    take a ``SHARE`` of this ``inertia``."""
     q, modal = scale.size, scale**2
-    mass, inertia = body.invariants.mass, np.trace(body.invariants.inertia) / 3.0
+    mass = body.invariants.mass
     frame = _still(SHARE * mass, SHARE * inertia, q)
     count = -(-q // 3)
     shape = np.eye(3 * count)[:, :q].reshape(count, 3, q)
@@ -125,7 +149,28 @@ def carriers(body: ReducedBody, scale: np.ndarray) -> tuple[Masses, Masses, Mass
     return frame, amplitudes, nodes
 
 
-def _scale(body: ReducedBody) -> np.ndarray:
+def square_carriers(count: int, q: int, mass: float, inertia: float) -> Masses:
+    """Return bodies that carry ``count`` squares of q amplitudes, with a ``SHARE`` of ``mass`` and
+    ``inertia`` each: it counts to fourth order in the amplitudes."""
+    b = -(-count // 3)
+    still = np.zeros((b, 3, q))
+    own = np.full(b, SHARE * mass), np.full(b, SHARE * inertia)
+    return Masses(np.zeros((b, 3)), still, still, *own)
+
+
+def sum_carriers(sums: np.ndarray, modal: np.ndarray, inertia: float) -> Masses:
+    """Return bodies that three of the ``sums`` (m, q) of amplitudes each move along x, y and z."""
+    m, q = sums.shape
+    count = -(-m // 3)
+    shape = np.zeros((3 * count, q))
+    shape[:m] = sums
+    shape = shape.reshape(count, 3, q)
+    least = np.array([modal[one.any(axis=0)].min() for one in shape])
+    zero = np.zeros((count, 3))
+    return Masses(zero, shape, 0.0 * shape, SHARE * least, np.full(count, inertia))
+
+
+def amplitude_scale(body: ReducedBody) -> np.ndarray:
     """Return the amplitudes (q,) of unit modal mass at which a node moves by a metre at most."""
     moved = np.concatenate([body.node_shapes, body.interface_shapes[:, :3]])
     largest: np.ndarray = np.sqrt((moved**2).sum(axis=1)).max(axis=0)

@@ -24,24 +24,29 @@ LEAST_HOLD = 1e-6
 """Smallest singular value of the interface's rigid displacements, by the largest, with arms
 measured by their own size: with less, small loads at the interface strain the body enormously."""
 DEFAULT = Wanted(10)
+STIFFENED = "geometric stiffening is known of meshes of beams only"
 
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
     """What to reduce to: interfaces (none: those that the file names), normal modes with these
-    fixed, and the frame: MEAN, or the name of an interface."""
+    fixed, and the frame: MEAN, or the name of an interface; whether with geometric stiffening."""
 
     interfaces: tuple[Interface, ...] = ()
     modes: Wanted = DEFAULT
     frame: str = MEAN
+    stiffening: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduction:
-    """A reduced body and the numbers of its making, for a report."""
+    """A reduced body and the numbers of its making, for a report; ``rotations`` (n, 3, q) are those
+    of its nodes, ``members`` the labels of the nodes of each interface."""
 
     source: str
     body: ReducedBody
+    rotations: np.ndarray
+    members: tuple[np.ndarray, ...]
     nodes: int
     equations: int
     static: int
@@ -51,6 +56,8 @@ class Reduction:
 
 def reduce_file(files: Files, wishes: Wishes) -> Reduction:
     """Return the reduced body of a file; raises ``ReductionError``."""
+    if wishes.stiffening:
+        raise ReductionError(str(files.model), f"{STIFFENED}; omit --stiffening")
     return reduce_model(read_model(files), wishes)
 
 
@@ -70,10 +77,10 @@ def reduce_model(given: ElasticModel | ModalModel, wishes: Wishes) -> Reduction:
     basis, interior = craig_bampton(model, outer, wishes.modes)
     modes = floating_modes(basis, _frame_node(parts, wishes.frame))
     errors = reduction_errors(modes, interior)
-    body = _body(modes, errors, parts, wishes.frame, given)
     normal = len(interior.modes.eigenvalues)
     return Reduction(
-        given.source, body, len(given.labels), given.size, len(outer), normal, modes.resistance
+        *(given.source, *_body(modes, errors, parts, wishes.frame, given)),
+        *(len(given.labels), given.size, len(outer), normal, modes.resistance),
     )
 
 
@@ -90,11 +97,11 @@ def _of_modes(given: ModalModel, wishes: Wishes) -> Reduction:
     modes = floating_modes(basis, _frame_node(parts, wishes.frame))
     unknown = np.full(len(modes.eigenvalues), np.nan)
     errors = ReductionErrors(unknown, float("nan"), float("nan"), np.full(6, np.nan))
-    body = _body(modes, errors, parts, wishes.frame, model)
     count = basis.shapes.shape[1]
     return Reduction(
-        model.source, body, len(model.labels), model.size, 0, count, modes.resistance
-    )  # fmt: skip
+        *(model.source, *_body(modes, errors, parts, wishes.frame, model)),
+        *(len(model.labels), model.size, 0, count, modes.resistance),
+    )
 
 
 def _interfaces(model: ElasticModel, wishes: Wishes) -> tuple[Interface, ...]:
@@ -161,16 +168,16 @@ def _at_all_nodes(modes: FloatingModes, spread: np.ndarray, given: ElasticModel)
 
 def _body(
     modes: FloatingModes, errors: ReductionErrors, parts: Tied, frame: str, given: ElasticModel
-) -> ReducedBody:
+) -> tuple[ReducedBody, np.ndarray, tuple[np.ndarray, ...]]:
     """Return the body of the modes of the model that the ``parts`` tie, which is the ``given`` one
-    if nothing is tied."""
+    if nothing is tied; the rotations of its nodes and the members of its interfaces."""
     model = modes.model
     q = len(modes.eigenvalues)
     spread = _node_shapes(modes, parts)
     at = np.array([model.node_of(label) for label in parts.nodes.values()])
     rotates = np.array([(model.components[model.rows_of(k)] > 2).sum() == 3 for k in at])
     places = model.places - modes.centre
-    return ReducedBody(
+    body = ReducedBody(
         frame=frame,
         centre=modes.centre,
         eigenvalues=modes.eigenvalues,
@@ -188,3 +195,4 @@ def _body(
         static_residual=errors.statics,
         invariants=invariants(_at_all_nodes(modes, spread, given)),
     )
+    return body, spread[:, 3:], tuple(parts.members[name] for name in parts.nodes)

@@ -71,6 +71,8 @@ def _basis(found: Reduction) -> Iterator[str]:
     where = "the free body (mean axes)" if body.frame == "mean" else f"{body.frame} fixed"
     yield f"{len(body.eigenvalues)} modes of {where}, without rigid-body modes"
     yield f"forces of rigid displacements: {found.resistance:.1e} of their terms"
+    if body.stiffening is not None:
+        yield "geometric stiffening: displacements of second order are in the file"
 
 
 def _frequency(value: float) -> str:

@@ -7,6 +7,7 @@ the numbers of the model side by side; ``topology`` takes the indices, ``paramet
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
@@ -81,6 +82,8 @@ from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
 FAR = 10.0
 """Arms of amplitudes, by the farthest point of the body: what places in inertial axes may be."""
+SQUARE = Law("polynomial", (0.0, 0.0, 1.0))
+"""Square [m] of an amplitude [m], of those of elastic bodies."""
 IDLE = Law("constant", (0.0,))
 """Law of time of prescribed motions that are released; the last law of a system with events."""
 
@@ -462,17 +465,26 @@ class _Collector:
         """
         pairs = [self._following(body, follower) for follower in body.followers]
         far = FAR * max(math.dist(one.place, ZERO) for one in body.followers)
+        places = (*body.carried(0, len(body.stiffness)), *body.squared)
         along = [
-            self._add(in_plane(IDENTITY[j % AXES]).first, _beyond(pairs[j // AXES], j % AXES, far))
-            for j in range(len(body.stiffness))
+            self._add(in_plane(IDENTITY[axis]).first, _beyond(pairs[k], axis, far))
+            for k, axis in places
         ]
+        number = dict(zip(places, range(len(places)), strict=True))
+        law = self.elements.add_law(SQUARE if body.squares else None)
         for k, (follower, pair) in enumerate(zip(body.followers, pairs, strict=True)):
             for axis in range(AXES):
-                if k >= body.carriers or AXES * k + axis >= len(along):
+                j = number.get((k, axis), -1)
+                if j < 0:
                     place = in_plane(IDENTITY[axis])
                     self._follow(place, pair, follower.shape[axis], along)
+                elif j >= len(body.stiffness):
+                    square = body.squares[j - len(body.stiffness)]
+                    argument = self._squared(body, square.argument, along, pairs)
+                    self._square(along[j], square.factor, argument, law)
                 self._follow(rotation_about(axis), pair, follower.rotation[axis], along)
             self.unknown += 1
+        along = along[: len(body.stiffness)]
         for q, stiffness, damping in zip(along, body.stiffness, body.damping, strict=True):
             parameters = (("preload", 0.0), ("stiffness", stiffness))
             decay = self._decay(stiffness)
@@ -496,6 +508,24 @@ class _Collector:
             *(self.unknown, first, second, equation.coefficient, equation),
             first_coefficient=1.0 if second < 0 else 0.5,
             more=more,
+        )
+        self.elements.equations.append(entry)
+
+    def _squared(
+        self, body: ElasticBody, argument: int, along: list[int], pairs: Sequence[Pair]
+    ) -> int:
+        """Return the coordinate that is squared: an amplitude, or that of a sum of amplitudes."""
+        k, axis = divmod(argument - len(body.stiffness), AXES)
+        if k < 0:
+            return along[argument]
+        first = body.carriers + body.square_carriers
+        return self._add(in_plane(IDENTITY[axis]).first, pairs[first + k])
+
+    def _square(self, coordinate: int, factor: float, argument: int, law: int) -> None:
+        """Add the equation by which a coordinate is a factor times the square of another one."""
+        equation = Equation(self.elements.coordinates[coordinate][0], 0.0)
+        entry = EquationEntry(
+            *(self.unknown, coordinate, argument, -factor, equation), function=law
         )
         self.elements.equations.append(entry)
 

@@ -31,11 +31,13 @@ def reduced_box(counts=(4, 1, 1), number=2, frame="mean"):
     return reduce_model(box(counts=counts), Wishes(interfaces, Wanted(number), frame)).body
 
 
-def elastic_model(body, start=None, dt=1e-5, t_final=1e-3, gravity=ZERO, **others):
+def elastic_model(
+    body, start=None, dt=1e-5, t_final=1e-3, gravity=ZERO, stiffening=False, **others
+):
     """A model of one elastic body, and what ``others`` add to it."""
     q = body.eigenvalues.size
     start = start or Start(ZERO, ZERO, ZERO, ZERO, np.zeros(q), np.zeros(q))
-    elastic, bodies = build_elastic_body(parts_of("Box", body), start)
+    elastic, bodies = build_elastic_body(parts_of("Box", body, stiffening), start)
     bodies += others.pop("bodies", ())
     return Model(
         gravity, (Ground("Base"),), bodies, others.pop("joints", ()), others.pop("loads", ()),

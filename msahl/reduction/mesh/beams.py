@@ -44,7 +44,7 @@ def beam_matrices(mesh: Mesh, material: Material, section: BeamSection) -> Matri
             f"beam {k + 1} (nodes {', '.join(map(str, mesh.labels[nodes[k]]))}) has no length; "
             "delete it",
         )
-    axes = _axes(mesh, nodes, along / lengths[:, None], section)
+    axes = element_axes(mesh, section)
     K, M = _local(lengths, material, section)
     T = np.zeros((len(nodes), 12, 12))
     for k in range(4):
@@ -77,8 +77,11 @@ def refined(mesh: Mesh) -> Mesh:
     )
 
 
-def _axes(mesh: Mesh, nodes: np.ndarray, d1: np.ndarray, section: BeamSection) -> np.ndarray:
+def element_axes(mesh: Mesh, section: BeamSection) -> np.ndarray:
     """Return the rows d_1, d_2, d_3 (e, 3, 3) of each element."""
+    nodes = mesh.elements[BEAM]
+    d1 = mesh.places[nodes[:, 1]] - mesh.places[nodes[:, 0]]
+    d1 = d1 / np.linalg.norm(d1, axis=1)[:, None]
     if section.height is None:  # any direction across the beam
         height = np.eye(3)[np.argmin(np.abs(d1), axis=1)]
     else:

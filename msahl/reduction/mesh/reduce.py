@@ -18,9 +18,10 @@ from msahl.reduction.mesh.mesh import BEAM, Mesh
 from msahl.reduction.mesh.read import mesh_format, read_mesh
 from msahl.reduction.mesh.refine import refined as refined_solid
 from msahl.reduction.mesh.refinement_error import Levels, refinement_errors
+from msahl.reduction.mesh.second_order import Beams, beam_stiffening
 from msahl.reduction.mesh.solids import Solid, build_solid, matrices
 from msahl.reduction.read import Files
-from msahl.reduction.reduce import Reduction, Wishes, reduce_model
+from msahl.reduction.reduce import STIFFENED, Reduction, Wishes, reduce_model
 from msahl.reduction.text_files import lines_of
 from msahl.reduction.units import UNITS, in_si
 
@@ -92,6 +93,8 @@ def reduce_mesh(files: Files, wishes: Wishes) -> tuple[Reduction, MeshSummary]:
         wishes, interfaces=tuple(of_sets(mesh, one) for one in wishes.interfaces or _none(mesh))
     )
     found = reduce_model(made.model, chosen)
+    if wishes.stiffening:
+        found = replace(found, body=_stiffened(mesh, material, section, files.units, found))
     summary = MeshSummary(
         {kind: len(nodes) for kind, nodes in mesh.elements.items()},
         made.volume,
@@ -99,6 +102,18 @@ def reduce_mesh(files: Files, wishes: Wishes) -> tuple[Reduction, MeshSummary]:
         tuple(_notes(mesh, material, files.units)),
     )
     return found, summary
+
+
+def _stiffened(
+    mesh: Mesh, material: Material, section: BeamSection | None, units: str, found: Reduction
+) -> ReducedBody:
+    """Return the body with its geometric stiffening."""
+    if section is None:
+        raise ReductionError(mesh.source, f"{STIFFENED}; omit --stiffening")
+    body = found.body
+    members = [int(np.searchsorted(mesh.labels, labels[0])) for labels in found.members]
+    beams = Beams(mesh, material, section, UNITS[units][0])
+    return replace(body, stiffening=beam_stiffening(beams, body, found.rotations, members))
 
 
 def _errors(made: MeshModel, body: ReducedBody, wishes: Wishes) -> np.ndarray:
