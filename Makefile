@@ -42,7 +42,7 @@ SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(SWEEP)/$(d)/runs.csv)
 # Processes of a sweep; with one the times in the table are undisturbed.
 JOBS ?= 1
 
-.PHONY: help run test test-slow test-numba kernels wheel coverage mutate fuzz lint regress regress-update sweep \
+.PHONY: help run test test-slow test-all test-numba kernels wheel coverage mutate fuzz lint regress regress-update sweep \
   bench thesis validation convergence stability error-table docs examples readme web clean
 .DELETE_ON_ERROR:
 
@@ -50,6 +50,7 @@ help:
 	@echo 'make run             set up .venv, run DECK ($(DECK)) and write its report'
 	@echo 'make test            set up .venv, check the style and types, run all tests but the slow ones'
 	@echo 'make test-slow       run the slow tests'
+	@echo 'make test-all        run all tests, in one session'
 	@echo 'make kernels         compile the kernels that the tests need (make test does it)'
 	@echo 'make wheel           build a wheel with the machine code of all kernels, for x86-64 Linux'
 	@echo 'make test-numba      run the tests of compiling with the oldest and the newest numba'
@@ -80,11 +81,17 @@ run: .venv/installed
 	@echo 'pictures: $(OUT)/report/'
 
 # The tests include those of make regress.
-test: lint kernels
+# Side by side, as mypy is one process, and so is the search for kernels that are missing.
+test: .venv/tested
+	@$(MAKE) -j2 --no-print-directory lint kernels
 	@$(PYTEST) -m 'not slow'
 
 test-slow: kernels
 	@$(PYTEST) -m slow
+
+# In one session: the tests are found and imported once, and no process waits for the last quick one.
+test-all: kernels
+	@$(PYTEST)
 
 # Each process that runs tests would compile the kernels that it meets first.
 kernels: .venv/tested
@@ -202,9 +209,10 @@ clean:
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e .
 	@touch $@
 
-.venv/tested: .venv/installed
+.venv/tested: pyproject.toml setup.py
+	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
-	@touch $@
+	@touch .venv/installed $@
 
 .venv/documented: .venv/installed
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[docs]'
