@@ -10,7 +10,6 @@ R. J. Hanson, Solving Least Squares Problems (1974), section 23.4.
 """
 
 import numpy as np
-from scipy.optimize import nnls
 
 from msahl.start.redundancy import INDEPENDENT
 
@@ -40,6 +39,8 @@ def _null_space(A: np.ndarray) -> np.ndarray:
 
 def _least_step(G: np.ndarray, h: np.ndarray) -> np.ndarray:
     """Return the least s (p,) with ``G`` s >= ``h``, which has a solution."""
+    from scipy.optimize import nnls  # which few models need
+
     right = np.append(np.zeros(G.shape[1]), 1.0)
     E = np.vstack([G.T, h])
     left = E @ nnls(E, right)[0] - right
