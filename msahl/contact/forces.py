@@ -14,7 +14,6 @@ import math
 import numpy as np
 
 from msahl.contact import friction, sharing
-from msahl.contact import response as of_contacts
 from msahl.contact.complementarity import solve
 from msahl.contact.friction import Cones, Jammed
 from msahl.contact.response import Response

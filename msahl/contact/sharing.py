@@ -2,11 +2,11 @@
 
     min |y|^2,      A y = A y_0,      y >= 0
 
-The solution is the only one, and changes as little as the problem does, while a corner of the set of
-solutions is one of several that round-off chooses between. With Z, an orthonormal basis of the null
-space of A, and y_1 = y_0 - Z Z^T y_0, it is y_1 + Z s with the least s for which Z s >= -y_1:
-a least distance problem, which nonnegative least squares solve. Source: C. L. Lawson,
-R. J. Hanson, Solving Least Squares Problems (1974), section 23.4.
+The solution is the only one, and changes as little as the problem does, while a corner of the set
+of solutions is one of several that round-off chooses between. With Z, an orthonormal basis of the
+null space of A, and y_1 = y_0 - Z Z^T y_0, it is y_1 + Z s with the least s for which Z s >= -y_1:
+a least distance problem, which nonnegative least squares solve. Source: C. L. Lawson, R. J.
+Hanson, Solving Least Squares Problems (1974), section 23.4.
 """
 
 import numpy as np

@@ -41,8 +41,10 @@ CHANGING = ("friction", "toward", "still")
 """Arrays of the contacts with friction that change during a run."""
 TOUCHING = 10.0
 """Gap, over its round-off, of a contact that touches: closed joints leave one of it."""
-BEYOND = 10.0
-"""Distance from where the curvature of a gap jumps, over the round-off of gaps, that is none."""
+BEYOND = 1e5
+"""Distance from where the curvature of a gap jumps, over the round-off of gaps, that is none: where
+steps pass it by this, 1e-8 of the model's size, multipliers are noise, and edges of boxes count as
+crossing from 1e-7 of an edge on (``segments.PARALLEL``)."""
 OVERLAP = 1e4
 """Overlap at t = 0, over the round-off of the gap, that is that of the digits a deck omits: 1e-9
 of the size of the model."""
@@ -98,7 +100,7 @@ class ContactState:
 
     @property
     def shares(self) -> bool:
-        """Whether all contacts that share their forces are closed, and not only independent ones."""
+        """Whether all contacts that share forces are closed, and not only independent ones."""
         return self.system.relaxation > 0.0
 
     @property

@@ -89,5 +89,7 @@ def _limits(contact: Contact) -> tuple[tuple[bool, float | None], ...]:
 def may_share(sides: Iterable[ContactSide]) -> bool:
     """Return whether two bodies touch at so many of the ``sides`` as faces do."""
     contacts = [side.contact for side in sides]
-    pairs = Counter(frozenset((c.parent, c.child)) for c in contacts if not isinstance(c, JointLimit))
+    pairs = Counter(
+        frozenset((c.parent, c.child)) for c in contacts if not isinstance(c, JointLimit)
+    )
     return max(pairs.values(), default=0) >= OF_A_FACE
