@@ -66,9 +66,7 @@ class Particles:
     deviation: float
 
 
-def particles(
-    body: ReducedBody, sums: np.ndarray | None = None, squares: int = 0
-) -> Particles:
+def particles(body: ReducedBody, sums: np.ndarray | None = None, squares: int = 0) -> Particles:
     """Return the particles of a reduced body, beside bodies that carry so many ``squares`` and the
     ``sums`` (m, q) of amplitudes."""
     scale = amplitude_scale(body)
@@ -81,7 +79,9 @@ def particles(
     carried = sum_carriers(sums, modal, amplitudes.inertia[0])
     squared = square_carriers(squares, q, body.invariants.mass, inertia)
     spin = SHARE * inertia / (4 + 3 * q)
-    taken = sum(_moments_of(one) for one in (frame, amplitudes, squared, carried, nodes))
+    taken = _moments_of(frame)
+    for one in (amplitudes, squared, carried, nodes):
+        taken += _moments_of(one)
     taken[1:4, 1:4] += 0.5 * spin * (4 + 3 * q) * np.eye(3)
     units = _units(S, modal)
     wanted = (S - taken) / np.outer(units, units)
@@ -89,7 +89,9 @@ def particles(
     L = _corrected(L, wanted)
     difference = np.abs(L @ L.T - wanted)
     points = _points(L * units[:, None], spin * (4 + 3 * q))
-    return Particles(frame, amplitudes, squared, carried, nodes, points, scale, float(difference.max()))
+    return Particles(
+        frame, amplitudes, squared, carried, nodes, points, scale, float(difference.max())
+    )
 
 
 def moments(given: Invariants) -> np.ndarray:
@@ -125,9 +127,7 @@ def _round_inertia(body: ReducedBody, count: int) -> float:
     return float(mean * min(1.0, MOST_TAKEN * thinnest / taken))
 
 
-def carriers(
-    body: ReducedBody, scale: np.ndarray, inertia: float
-) -> tuple[Masses, Masses, Masses]:
+def carriers(body: ReducedBody, scale: np.ndarray, inertia: float) -> tuple[Masses, Masses, Masses]:
     """Return the bodies that carry the frame, the amplitudes and the nodes of the interface, which
     take a ``SHARE`` of this ``inertia``."""
     q, modal = scale.size, scale**2
