@@ -86,7 +86,7 @@ UNITS = ("m-kg", "mm-t", "mm-kg", "in-lbf")
 @click.option(
     "--stiffening",
     is_flag=True,
-    help="Add the geometric stiffening, by which loads in a body change its stiffness: of meshes of "
+    help="Add geometric stiffening, by which loads in a body change its stiffness, of meshes of "
     "beams.",
 )
 @quiet_option

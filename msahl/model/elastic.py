@@ -8,7 +8,7 @@ body is at x + sum_j phi_j a_j in the axes of the frame, with an amplitude a_j f
 
 The first followers carry the amplitudes: three to a body, as its displacements along x, y and z of
 the frame. With geometric stiffening, the next ones carry squares likewise, which are numbered
-behind the amplitudes in the sums above, and behind them are the sums of amplitudes that are squared:
+behind the amplitudes in the sums above, and behind them are the sums of amplitudes to be squared:
 
     s_l = c_l b_l^2      b_l an amplitude, or a displacement of a follower behind those of squares
 

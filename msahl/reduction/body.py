@@ -102,7 +102,8 @@ def _stiffening(
         if array.shape != shape:
             text = f"stiffening_{name} is {array.shape}, not {shape}; make it again"
             raise ReductionError(str(path), text)
-    return Stiffening(**dict(zip(names, found, strict=True)))
+    moment, interface = (arrays[f"stiffening_{name}"] for name in names)
+    return Stiffening(moment, interface)
 
 
 def _taken(arrays: dict[str, np.ndarray], name: str) -> Any:

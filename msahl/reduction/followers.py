@@ -67,17 +67,17 @@ def parts_of(name: str, body: ReducedBody, stiffening: bool = False) -> Parts:
         ([f"{name}.mass {k + 1}" for k in range(found.points.mass.size)], found.points),
     ]
     seconds = [np.zeros((*one.shape.shape[:2], count)) for _, one in groups]
-    turned = [np.zeros_like(one) for one in seconds]
+    rotated = [np.zeros_like(one) for one in seconds]
     seconds[2] = np.eye(3 * seconds[2].shape[0])[:, :count].reshape(seconds[2].shape)
     numbers: tuple[Square, ...] = ()
     if given is not None:
-        seconds[4], turned[4], seconds[5], factor = second_order(
+        seconds[4], rotated[4], seconds[5], factor = second_order(
             given, body.invariants.inertia_curve, found, squares.pairs
         )
         numbers = tuple(map(Square, squares.arguments, factor.tolist()))
     bodies = [
         part
-        for (names, one), *more in zip(groups, seconds, turned, strict=True)
+        for (names, one), *more in zip(groups, seconds, rotated, strict=True)
         for part in _parts(names, one, more, body.centre)
     ]
     scaled = body.eigenvalues * found.scale**2

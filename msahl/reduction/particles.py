@@ -66,9 +66,7 @@ class Particles:
     deviation: float
 
 
-def particles(
-    body: ReducedBody, sums: np.ndarray | None = None, squares: int = 0
-) -> Particles:
+def particles(body: ReducedBody, sums: np.ndarray | None = None, squares: int = 0) -> Particles:
     """Return the particles of a reduced body, beside bodies that carry so many ``squares`` and the
     ``sums`` (m, q) of amplitudes."""
     scale = amplitude_scale(body)
@@ -76,12 +74,15 @@ def particles(
     S = moments(body.invariants) * np.outer(*[np.r_[np.ones(4), np.repeat(scale, 3)]] * 2)
     modal = scale**2
     sums = np.zeros((0, q)) if sums is None else sums
-    inertia = _round_inertia(body, sum(-(-n // 3) for n in (q, squares, len(sums))))
+    trace = _round_inertia(body, sum(-(-n // 3) for n in (q, squares, len(sums))))
+    inertia = trace / 3.0
     frame, amplitudes, nodes = carriers(body, scale, inertia)
     carried = sum_carriers(sums, modal, amplitudes.inertia[0])
     squared = square_carriers(squares, q, body.invariants.mass, inertia)
-    spin = SHARE * inertia / (4 + 3 * q)
-    taken = sum(_moments_of(one) for one in (frame, amplitudes, squared, carried, nodes))
+    spin = SHARE * trace / (3.0 * (4 + 3 * q))
+    taken = _moments_of(frame)
+    for one in (amplitudes, squared, carried, nodes):
+        taken += _moments_of(one)
     taken[1:4, 1:4] += 0.5 * spin * (4 + 3 * q) * np.eye(3)
     units = _units(S, modal)
     wanted = (S - taken) / np.outer(units, units)
@@ -89,7 +90,9 @@ def particles(
     L = _corrected(L, wanted)
     difference = np.abs(L @ L.T - wanted)
     points = _points(L * units[:, None], spin * (4 + 3 * q))
-    return Particles(frame, amplitudes, squared, carried, nodes, points, scale, float(difference.max()))
+    return Particles(
+        frame, amplitudes, squared, carried, nodes, points, scale, float(difference.max())
+    )
 
 
 def moments(given: Invariants) -> np.ndarray:
@@ -117,17 +120,18 @@ def moments(given: Invariants) -> np.ndarray:
 
 
 def _round_inertia(body: ReducedBody, count: int) -> float:
-    """Return the inertia [kg-m^2] of which ``count`` carriers, the frame, nodes and particles each
-    take a ``SHARE``: the mean moment, or less of bodies so slender that this were too much."""
+    """Return three times the inertia [kg-m^2] of which ``count`` carriers, the frame, nodes and
+    particles each take a ``SHARE``: the trace, or less of bodies so slender that this were too
+    much. Nodes mostly take less than the others."""
     J = body.invariants.inertia
-    mean, thinnest = np.trace(J) / 3.0, 0.5 * np.trace(J) - np.linalg.eigvalsh(J)[-1]
-    taken = 0.5 * SHARE * mean * (count + 2 + len(body.interface_names))
-    return float(mean * min(1.0, MOST_TAKEN * thinnest / taken))
+    trace, thinnest = np.trace(J), 0.5 * np.trace(J) - np.linalg.eigvalsh(J)[-1]
+    each = SHARE * trace / 6.0  # what a round inertia adds to the second moment
+    if each * (count + 2) > MOST_TAKEN * thinnest:
+        trace *= MOST_TAKEN * thinnest / (each * (count + 2 + len(body.interface_names)))
+    return float(trace)
 
 
-def carriers(
-    body: ReducedBody, scale: np.ndarray, inertia: float
-) -> tuple[Masses, Masses, Masses]:
+def carriers(body: ReducedBody, scale: np.ndarray, inertia: float) -> tuple[Masses, Masses, Masses]:
     """Return the bodies that carry the frame, the amplitudes and the nodes of the interface, which
     take a ``SHARE`` of this ``inertia``."""
     q, modal = scale.size, scale**2

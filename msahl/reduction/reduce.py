@@ -78,10 +78,9 @@ def reduce_model(given: ElasticModel | ModalModel, wishes: Wishes) -> Reduction:
     modes = floating_modes(basis, _frame_node(parts, wishes.frame))
     errors = reduction_errors(modes, interior)
     normal = len(interior.modes.eigenvalues)
-    return Reduction(
-        *(given.source, *_body(modes, errors, parts, wishes.frame, given)),
-        *(len(given.labels), given.size, len(outer), normal, modes.resistance),
-    )
+    body, rotations, members = _body(modes, errors, parts, wishes.frame, given)
+    counts = len(given.labels), given.size, len(outer), normal
+    return Reduction(given.source, body, rotations, members, *counts, modes.resistance)
 
 
 def _of_modes(given: ModalModel, wishes: Wishes) -> Reduction:
@@ -98,10 +97,9 @@ def _of_modes(given: ModalModel, wishes: Wishes) -> Reduction:
     unknown = np.full(len(modes.eigenvalues), np.nan)
     errors = ReductionErrors(unknown, float("nan"), float("nan"), np.full(6, np.nan))
     count = basis.shapes.shape[1]
-    return Reduction(
-        *(model.source, *_body(modes, errors, parts, wishes.frame, model)),
-        *(len(model.labels), model.size, 0, count, modes.resistance),
-    )
+    body, rotations, members = _body(modes, errors, parts, wishes.frame, model)
+    counts = len(model.labels), model.size, 0, count
+    return Reduction(model.source, body, rotations, members, *counts, modes.resistance)
 
 
 def _interfaces(model: ElasticModel, wishes: Wishes) -> tuple[Interface, ...]:

@@ -5,7 +5,7 @@
 so few squares s, of amplitudes and of sums of two, give all forms of a body's ``Stiffening``: a
 body is at x + phi a + psi s. Nodes of the interface have their own psi. That of particles is linear
 in their places, psi = W (1, x): the equations need no more of it to second order than the integrals
-of psi dm and of x psi dm, from which W follows. Pairs without any Y are left out.
+of psi dm and of x psi dm, from which W follows. Pairs without any Y are omitted.
 """
 
 from typing import NamedTuple
@@ -18,8 +18,8 @@ from msahl.reduction.stiffening import Stiffening
 
 NEGLIGIBLE = 1e-4
 """Change of stiffness by that of both amplitudes, in units of the largest one, of pairs that are
-left out: by loads in the body that change the lowest frequency by a tenth, those change the others by
-1e-5."""
+omitted: loads in the body that change the lowest frequency by a tenth change others by 1e-5 by
+these."""
 FLAT = 1e-9
 """Second moment of mass by the largest, below which a body has no extent in a direction."""
 
@@ -106,7 +106,9 @@ def second_order(
         [np.abs(one).max(axis=(0, 1)) for one in (nodes[:, :3], size * nodes[:, 3:], points)], 0
     )
     factor = np.where(largest > 0.0, largest, 1.0 / size)
-    return SecondOrder(*(one / factor for one in (nodes[:, :3], nodes[:, 3:], points)), factor)
+    parts = (one / factor for one in (nodes[:, :3], nodes[:, 3:], points))
+    displacement, rotation, own = parts
+    return SecondOrder(displacement, rotation, own, factor)
 
 
 def _compensation(curve: np.ndarray, found: Particles, G: np.ndarray) -> np.ndarray:
@@ -124,7 +126,9 @@ def _compensation(curve: np.ndarray, found: Particles, G: np.ndarray) -> np.ndar
     with np.errstate(divide="ignore"):
         B = np.where(sums > THIN * g.max(), 1.0 / sums, 0.0)
     own = np.einsum("ai,acjk,cl->iljk", V, lack, V)
-    result: np.ndarray = np.einsum("ai,iljk,cl->acjk", V, g[:, None, None, None] * B[..., None, None] * own, V)
+    result: np.ndarray = np.einsum(
+        "ai,iljk,cl->acjk", V, g[:, None, None, None] * B[..., None, None] * own, V
+    )
     return result
 
 

@@ -1,8 +1,8 @@
 """Displacements of second order: what loads in a body change its stiffness by.
 
-A point of the body is at x + sum_j phi_j q_j + sum_jk psi_jk q_j q_k. A bent rod becomes shorter, so
-the work of an axial or centrifugal force on psi is that of geometric stiffening: no load cases are
-needed, and the motion keeps its energy. Of psi the equations need to second order
+A point of the body is at x + sum_j phi_j q_j + sum_jk psi_jk q_j q_k. A bent rod becomes shorter,
+so the work of an axial or centrifugal force on psi is that of geometric stiffening: no load cases
+are needed, and the motion keeps its energy. Of psi the equations need to second order
 
     moment[a, b, j, k]       integral of x_a (psi_jk)_b dm, symmetric in a and b      [kg-m^2]
     interface[p, c, j, k]    translation and rotation of the nodes of the interface

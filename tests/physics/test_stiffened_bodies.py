@@ -18,8 +18,8 @@ from tests.support.elastic import ZERO, elastic_model
 from tests.support.models import simulate
 
 PUBLISHED = {1.0: (3.681646813958, 22.181011150583), 5.0: (6.4495447485687, 25.446080358049)}
-"""Frequencies of flapping by the speed, in units of sqrt(EI/m)/L^2, of a blade without rotary inertia
-(Wright, Smith, Thresher and Wang, 1982)."""
+"""Frequencies of flapping by the speed, in units of sqrt(EI/m)/L^2, of a blade without rotary
+inertia (Wright, Smith, Thresher and Wang, 1982)."""
 
 
 def rotating(body, speed, stiffening=True):

@@ -1,4 +1,4 @@
-"""Displacements of second order: against rods whose strains are integrated without linearisation."""
+"""Displacements of second order: against rods whose strains are integrated as they are."""
 
 from dataclasses import fields
 
@@ -56,11 +56,9 @@ def tip(found, a):
     """The same by the displacements of first and second order of both nodes."""
     body, places = found.body, found.body.interface_places
     forms = np.einsum("pcjk,j,k->pc", body.stiffening.interface, a, a)
-    moved, turned = np.split(body.interface_shapes @ a + forms, 2, axis=1)
+    moved, rotated = np.split(body.interface_shapes @ a + forms, 2, axis=1)
     theta = body.interface_shapes[:, 3:] @ a
-    R = [
-        np.eye(3) + cross(turned[p]) + 0.5 * cross(theta[p]) @ cross(theta[p]) for p in range(2)
-    ]
+    R = [np.eye(3) + cross(rotated[p]) + 0.5 * cross(theta[p]) @ cross(theta[p]) for p in range(2)]
     return R[0].T @ R[1], R[0].T @ (places[1] + moved[1] - places[0] - moved[0])
 
 

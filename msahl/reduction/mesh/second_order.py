@@ -2,8 +2,8 @@
 
 The strains of a rod are those of its modes, to first order in the amplitudes: the elastic energy is
 then exactly theirs. With the rotation theta of first order and the strain gamma = u' - theta x t,
-all in the axes of the frame, the section's rotation is A = 1 + [theta] + [theta]^2/2 + [beta] and its
-place r' = A (t + gamma), so
+all in the axes of the frame, the section's rotation is A = 1 + [theta] + [theta]^2/2 + [beta] and
+its place r' = A (t + gamma), so
 
     beta' = theta x theta'/2            psi' = theta x (gamma + theta x t/2) + beta x t
 
