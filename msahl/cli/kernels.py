@@ -66,8 +66,7 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
     """Compile all kernels for every kind of model: of runs, analyses, reports and studies."""
     tell("compiling the kernels of all kinds of models")
     models = list(_models())
-    prepare([call for model in models for call in _calls(model)])
-    tell("compiling the kernels of large models, reports and studies")
+    # All are built as large ones, which need the code of small ones and more.
     by_size.LARGE, large = 1, by_size.LARGE
     try:
         # In one go, so that no core waits for the last kernel of a model.
@@ -78,6 +77,7 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
                 newton(Statics(at.system, at.state), at.state, most=1)
     finally:
         by_size.LARGE = large
+    tell("compiling the kernels of reports and studies")
     _use_results()
 
 
