@@ -246,25 +246,25 @@ def test_kinks_are_where_stretches_end_and_nowhere_else(case):
     )
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.3])
-def test_which_side_of_a_corner_a_point_is_on_does_not_depend_on_round_off(turn):
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_which_side_of_a_corner_a_point_is_on_does_not_depend_on_round_off(angle):
     """Beside a line's end, where line and corner are equally far to the last digit, the foot is on
     the line: else the curvature there, and a force by it, would be the corner's here and there.
     """
-    c, s = math.cos(turn), math.sin(turn)
+    c, s = math.cos(angle), math.sin(angle)
     x, y = SQUARE.start
     corners = [(x, y), *(part.points[0] for part in SQUARE.parts)]
-    turned = [(c * x - s * y, s * x + c * y) for x, y in corners]
-    group = curves_of([Curve(turned[0], tuple(line(*end) for end in turned[1:]), closed=True)])
+    places = [(c * x - s * y, s * x + c * y) for x, y in corners]
+    group = curves_of([Curve(places[0], tuple(line(*end) for end in places[1:]), closed=True)])
     along, out = np.array([-s, c]), np.array([c, s])  # of the side to the second corner
     # From three times what rounding a place of 1 m moves it by.
     for away in np.geomspace(1e-15, 1e-9, 61):
-        before = curves.foot(group, 0, *(turned[1] + 0.002 * out - away * along).tolist())
-        after = curves.foot(group, 0, *(turned[1] + 0.002 * out + away * along).tolist())
+        before = curves.foot(group, 0, *(places[1] + 0.002 * out - away * along).tolist())
+        after = curves.foot(group, 0, *(places[1] + 0.002 * out + away * along).tolist())
         assert before[3] == 0.0
         assert after[3] == pytest.approx(1.0 / 0.002) or away < 3e-15
         kinks = [
-            curves.kink(group, 0, *(turned[1] + 0.002 * out + side * away * along).tolist())
+            curves.kink(group, 0, *(places[1] + 0.002 * out + side * away * along).tolist())
             for side in (-1.0, 1.0)
         ]
         assert kinks[0] * kinks[1] < 0.0 or away < 3e-15

@@ -249,7 +249,7 @@ def test_auto_sees_the_friction_beyond_its_width(tolerance, width):
     run = simulate(replace(model, loads=(rub,), simulation=settings), t_final=1.5, scheme="auto")
     true = abs(np.linalg.norm(run.states[-1, 1:4]) - slide_with_friction(1.5, width))
     assert run.report.verdict["word"] == PASS
-    # 1e-13 of the way of 3.6 m is what the reference is worth.
+    # 1e-13 of the displacement of 3.6 m is what the reference is worth.
     assert true <= min(tolerance, run.report.error["position"] + 1e-12)
 
 

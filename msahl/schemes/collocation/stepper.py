@@ -446,7 +446,7 @@ class AdaptiveStepper:
         """
         saved = [array.copy() for array in self.workspace.state]
         new = self.contacts.change_where_stuck(self.method) if self.contacts else None
-        if new is None:
+        if new is None or self.contacts is None:
             for array, value in zip(self.workspace.state, saved, strict=True):
                 array[:] = value
             return False
