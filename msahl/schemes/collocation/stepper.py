@@ -444,9 +444,11 @@ class AdaptiveStepper:
         """Whether other contacts are closed in the pairs that follow where none could be taken,
         the first of the size ``h``.
         """
+        if self.contacts is None:
+            return False
         saved = [array.copy() for array in self.workspace.state]
-        new = self.contacts.change_where_stuck(self.method) if self.contacts else None
-        if new is None or self.contacts is None:
+        new = self.contacts.change_where_stuck(self.method)
+        if new is None:
             for array, value in zip(self.workspace.state, saved, strict=True):
                 array[:] = value
             return False
