@@ -57,7 +57,7 @@ CASES = [
     ("box_on_slope", "radau2", 40),
     # While faces slide; after an impact of edges.
     ("stack_of_boxes", "gauss2", 5),
-    ("crossed_boxes", "preserving", 40),
+    ("crossed_boxes", "preserving", 35),
     # Before and after its corners are beyond the edge, and while it tips.
     ("slid", "gauss3", 3),
     ("slid", "gauss3", 9),
