@@ -82,11 +82,12 @@ def run(
 
     Writes states.csv, reactions.csv (if there are joints or motions), joints.csv (coordinates of
     joints that have angles or slides), work.csv (if there are loads or motions), markers.csv,
-    system.csv and signals.csv (if the deck has markers, groups or signals), error.csv (estimated
-    errors of positions and orientations), gradients.csv (with --gradient), run.json and deck.xml,
-    the deck as it was run. File names of tables end in .part until the run is complete. If DIR
-    holds complete results already, they are kept until then, and the new run is written to
-    DIR/incomplete. Exits with status 1 if the verdict is FAIL.
+    system.csv, beams.csv, amplitudes.csv and signals.csv (if the deck has markers, groups, beams,
+    elastic bodies or signals), error.csv (estimated errors of positions and orientations),
+    gradients.csv (with --gradient), run.json and deck.xml, the deck as it was run. File names of
+    tables end in .part until the run is complete. If DIR holds complete results already, they are
+    kept until then, and the new run is written to DIR/incomplete. Exits with status 1 if the
+    verdict is FAIL.
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """

@@ -31,6 +31,7 @@ OBSERVED = (
     "system.csv",
     "signals.csv",
     "beams.csv",
+    "amplitudes.csv",
 )
 """Tables that are compared if both folders have them; they follow from the states."""
 

@@ -14,6 +14,7 @@ from msahl.model import Model
 from msahl.model.couplings import COORDINATES
 from msahl.model.signals import SignalTable
 from msahl.run.tables import ERROR_OF
+from msahl.system.names import AMPLITUDE
 
 TIME = "time"
 
@@ -68,6 +69,7 @@ QUANTITIES = {
     **_coordinates(("angle", "angle1", "angle2"), "angle", "rad"),
     **_coordinates(("slide", "slide1", "slide2"), "slide", "m"),
     **_coordinates(("distance",), "distance", "m"),
+    **_coordinates((AMPLITUDE,), "amplitude", "m"),
     **dict.fromkeys(("stretch", "shear2", "shear3"), Quantity("strain", "-")),
     **dict.fromkeys(("twist", "curvature2", "curvature3"), Quantity("curvature", "1/m")),
     **{f"n{i}": FORCE for i in (1, 2, 3)},

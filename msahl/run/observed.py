@@ -1,4 +1,6 @@
-"""The tables of a run that follow from the motion of bodies: joints, markers, beams, groups."""
+"""The tables of a run that follow from the motion of bodies: of joints, markers, groups, beams and
+elastic bodies.
+"""
 
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -6,7 +8,15 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.run.body_rows import TablesOfSteppers
-from msahl.run.tables import BEAMS, JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
+from msahl.run.tables import (
+    AMPLITUDES,
+    BEAMS,
+    JOINTS,
+    MARKERS,
+    SYSTEM,
+    has_joint_table,
+    needs_accelerations,
+)
 
 if TYPE_CHECKING:
     from msahl.run.joint_table import JointTable
@@ -39,6 +49,10 @@ class ObservedTables:
             from msahl.run.beam_table import BeamTable
 
             self.tables[BEAMS] = BeamTable(model)
+        if model.elastic_bodies:
+            from msahl.run.amplitude_table import AmplitudeTable
+
+            self.tables[AMPLITUDES] = AmplitudeTable(model)
 
     def rows(self, of_steppers: TablesOfSteppers) -> dict[str, np.ndarray]:
         """Return the rows of every table at the times of those ``of_steppers``, which follow."""

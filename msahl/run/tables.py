@@ -17,6 +17,7 @@ from msahl.model.settings import AUTOMATIC, YES
 from msahl.system.names import (
     STATE_COLUMNS,
     acceleration_columns,
+    amplitude_columns,
     beam_columns,
     coordinate_columns,
     group_columns,
@@ -38,6 +39,7 @@ ACCELERATIONS = "accelerations"
 RESULTANTS = "resultants"
 """Of beams at their Gauss points; other tables are made of it."""
 JOINTS, MARKERS, SYSTEM, BEAMS = "joints", "markers", "system", "beams"
+AMPLITUDES = "amplitudes"
 MOST_JOINTS = 50
 """Most joints whose coordinates are written without being asked for."""
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
@@ -51,7 +53,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_OF = "estimatedError"
 """Suffix of the columns of signals in the table of estimated errors."""
-OBSERVED = (JOINTS, MARKERS, SYSTEM, BEAMS)
+OBSERVED = (JOINTS, MARKERS, SYSTEM, BEAMS, AMPLITUDES)
 """Tables that are computed from others."""
 TABLES = (*COLUMNS, *OBSERVED, ERROR)
 """Names of all tables."""
@@ -114,6 +116,8 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[SYSTEM] = group_columns(model)
     if model.beams:
         tables[BEAMS] = beam_columns(model)
+    if model.elastic_bodies:
+        tables[AMPLITUDES] = amplitude_columns(model)
     if has_signals(model):
         tables[SIGNALS] = signal_columns(model)
     return tables

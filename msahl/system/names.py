@@ -1,5 +1,7 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from msahl.elements.beams.shape import gauss_stations
@@ -41,6 +43,7 @@ BEAM_COLUMNS = (
     *RESULTANT_COLUMNS,
 )
 LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
+AMPLITUDE = "amplitude"
 STRAINS = (
     *("stretch", "shear along d2", "shear along d3"),
     *("torsion", "bending about d2", "bending about d3"),
@@ -114,6 +117,18 @@ def beam_columns(model: Model) -> list[str]:
         for s in gauss_stations(beam.degree, np.array(beam.lengths)) / sum(beam.lengths):
             found += [f"{beam.name}@{s:.6g}.{column}" for column in BEAM_COLUMNS]
     return found
+
+
+def amplitude_columns(model: Model) -> list[str]:
+    """Header of ``amplitudes.csv``: of each mode of each elastic body, counted from 1 as in
+    ``Rod.1``, the amplitude [m] and its rate [m/s].
+    """
+    modes = (f"{body.name}.{j}" for body in model.elastic_bodies for j in _counted(body.stiffness))
+    return ["time", *(f"{mode}.{AMPLITUDE}{level}" for mode in modes for level in ("", "Rate"))]
+
+
+def _counted(items: Sequence[object]) -> range:
+    return range(1, len(items) + 1)
 
 
 def workers(model: Model) -> tuple[str, ...]:

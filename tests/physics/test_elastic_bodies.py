@@ -9,8 +9,8 @@ import msahl
 from msahl.deck import read_deck
 from msahl.deck.source import Source
 from msahl.model import ConcentratedLoad, Joint
-from msahl.model.elastic import AXES
 from msahl.reduction.followers import Start
+from msahl.system.names import amplitude_columns, work_columns
 from tests.support.elastic import (
     ZERO,
     elastic_model,
@@ -48,20 +48,25 @@ def fixed(body):
 
 
 def amplitudes(result):
-    """(rows, q) amplitudes, by the places of the bodies that carry them."""
-    elastic = result.model.elastic_bodies[0]
-    names = [one.name for one in result.model.bodies]
-    frame = result.matrices(0)
-    columns = []
-    for carrier, axis in elastic.amplitudes:
-        follower = elastic.followers[
-            next(k for k, one in enumerate(elastic.followers) if one.body == carrier)
-        ]
-        moved = result.of("position", names.index(carrier)) - result.of("position", 0)
-        own = np.einsum("tij,ti->tj", frame, moved) - follower.place
-        columns.append(own[:, axis])
-    assert len(columns) <= AXES * elastic.carriers
-    return np.column_stack(columns)
+    """(rows, q) amplitudes of the only elastic body."""
+    return result.others["amplitudes"][:, 1::2]
+
+
+def test_the_table_of_amplitudes_has_the_elastic_energy_and_its_own_rates(body):
+    """While the body rotates and vibrates: sum k a^2/2, and differences of it."""
+    model = elastic_model(body, start=spinning(body), dt=1e-5, t_final=1e-3)
+    run = simulate(model, scheme="gauss2", solver="newton")
+    a, rate = amplitudes(run), run.others["amplitudes"][:, 2::2]
+    assert amplitude_columns(model)[:3] == ["time", "Box.1.amplitude", "Box.1.amplitudeRate"]
+    energy = 0.5 * a**2 @ np.array(model.elastic_bodies[0].stiffness)
+    column = work_columns(model).index("Box.energy")
+    # Amplitudes of millimetres follow from places of decimetres, twice in the energy.
+    assert run.work[:, column] == pytest.approx(energy, rel=1e-9)
+    # Of order 4: highest frequency times the step to the fourth, over 30.
+    h, fastest = 1e-5, 2.0 * np.pi * body.frequencies.max()
+    differences = (8.0 * (a[3:-1] - a[1:-3]) - (a[4:] - a[:-4])) / (12.0 * h)
+    size = (fastest * h) ** 4 / 30.0 * np.abs(rate).max()
+    assert np.abs(differences - rate[2:-2]).max() < 2.0 * size + 1e-6 * np.abs(rate).max()
 
 
 def test_frequencies_of_a_cantilever_are_those_of_the_reduced_model(body):
