@@ -1,6 +1,4 @@
-"""The tables of a run that follow from the motion of bodies: of joints, markers, groups, beams and
-elastic bodies.
-"""
+"""The tables of a run that follow from the motion of bodies."""
 
 from typing import TYPE_CHECKING, Any, Protocol
 
