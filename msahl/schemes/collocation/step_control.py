@@ -492,9 +492,9 @@ def cross_at_end(detector: Detector, control: StepControl, t: float) -> None:
     if k < 0:
         return
     step_events.cross(detector, k, t)
-    slope = abs(detector.figures[step_events.RATE])
-    if margs.kind[k] == margins.RATE and margs.level[k] < slope * figures[NEXT]:
-        figures[NEXT] = margs.level[k] / slope
+    slope, width = abs(detector.figures[step_events.RATE]), margs.level[k]
+    if margs.kind[k] == margins.RATE and 0.0 < width < slope * figures[NEXT]:
+        figures[NEXT] = width / slope
 
 
 @optional(0.0)
