@@ -220,6 +220,8 @@ def _no_number(given: str) -> str:
 
 def _allowed(word: "XsdSimpleType") -> tuple[str, ...]:
     """Return the only words that are valid; empty if they are not listed."""
+    if word.local_name == "boolean":
+        return ("true", "false")
     return tuple(map(str, word.enumeration or ()))
 
 

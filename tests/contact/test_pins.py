@@ -284,6 +284,7 @@ FAULTS = {
     "overlap": ('<y units="mm">40</y>', '<y units="mm">39</y>', "overlaps by 0.001 m"),
     "twice": (START, START + START, "given twice in a row"),
     "friction": ("</pinContact>", "<friction>-1</friction></pinContact>", "friction"),
+    "closed": ('closed="true"', 'closed="yes"', "closed='yes'; expected one of true, false"),
 }
 
 
