@@ -43,9 +43,11 @@ def killed_build(number):
 
 
 @pytest.mark.slow
-def test_an_interrupted_build_removes_its_folder(place):
-    for number in (signal.SIGTERM, signal.SIGINT):
-        assert not killed_build(number).exists()
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_interrupted_build_removes_its_folder(place, number):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        pytest.skip("the tests ignore it, as under nohup, and so does what they start")
+    assert not killed_build(number).exists()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")

@@ -13,7 +13,7 @@ import numpy as np
 
 from msahl.model import Model, RunSettings
 from msahl.model.scheme import COLLOCATION
-from msahl.run.subsystem import CompanionIntegrator, SubsystemIntegrator
+from msahl.run.subsystem import CompanionIntegrator, Shared, SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import UNDIVIDED, Chunk, Parts
 
@@ -107,8 +107,7 @@ class HalfStepCompanion:
                 settings.full,
                 2 * chunk,
                 settings.instantaneous,
-                storages=integrator.storages,
-                begun=integrator,
+                shared=Shared(integrator.storages, integrator),
             )
             for integrator in integrators
         ]
@@ -159,7 +158,7 @@ class HigherOrderCompanion:
                 integrator.solver,
                 settings.full,
                 chunk,
-                storages=integrator.storages,
+                shared=Shared(integrator.storages),
             )
             for integrator in integrators
         ]

@@ -17,7 +17,7 @@ from msahl.beams.places import Place, common_places
 from msahl.model import Model, RunSettings
 from msahl.run.companion import SAFETY, Steps, advance, first_rows, with_given_steps
 from msahl.run.error_history import ErrorHistory
-from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.subsystem import Shared, SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.system.subsystems import split
 
@@ -57,7 +57,7 @@ class MeshError:
                 first.solver,
                 settings.full,
                 chunk,
-                storages=first.storages,
+                shared=Shared(first.storages),
             )
             for subsystem in ([finer.model] if together else split(finer.model))
         ]

@@ -16,7 +16,7 @@ from msahl.run.observed import ObservedTables
 from msahl.run.output import OutputTimes, TableAssembly
 from msahl.run.report import Report
 from msahl.run.step_plan import ControlledSteps, GivenSteps, StepPlan
-from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.subsystem import Shared, SubsystemIntegrator
 from msahl.run.tables import needs_accelerations
 from msahl.system.arrays import System
 from msahl.system.subsystems import split
@@ -75,7 +75,7 @@ def build_integrators(
     full = settings.full if full is None else full
     # With step-size control all subsystems take the same steps: their local errors are added up.
     together, accelerations = full or settings.adaptive, needs_accelerations(model)
-    given = settings.solver, full, rows, settings.instantaneous, accelerations, STORAGES
+    given = settings.solver, full, rows, settings.instantaneous, accelerations, Shared(STORAGES)
     return [kind(part, *given) for part in ([model] if together else split(model))]
 
 

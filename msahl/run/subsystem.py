@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -74,6 +74,19 @@ MOST_NAMED = 3
 """Most bodies by which a message names a subsystem."""
 
 
+class Shared(NamedTuple):
+    """What a subsystem has in common with others: ``storages`` from which its arrays come, and to
+    which they go back by ``release``; one of the same model that has ``begun``, but not taken a
+    step, and has the same start.
+    """
+
+    storages: Storages | None = None
+    begun: "SubsystemIntegrator | None" = None
+
+
+ALONE = Shared()
+
+
 class SubsystemIntegrator:
     """A subsystem with its stepper: made consistent at t = 0, then advanced chunk by chunk.
 
@@ -83,9 +96,8 @@ class SubsystemIntegrator:
     motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
     the steps unless ``instantaneous``; the tables have accelerations if these are wanted. ``full``
     switches off the model reductions, ``chunk`` is the largest number of steps and rows of a chunk.
-    Arrays come from the ``storages``, where these are given, and go back there by ``release``. The
-    start is that of the ``begun`` one if that is given, of the same model and no step yet. Raises
-    ``StartError`` if there is no consistent start.
+    What it has in common with others is ``shared``. Raises ``StartError`` if there is no consistent
+    start.
     """
 
     resolves_inputs = False
@@ -109,15 +121,14 @@ class SubsystemIntegrator:
         chunk: int,
         instantaneous: bool = False,
         accelerations: bool = False,
-        storages: Storages | None = None,
-        begun: "SubsystemIntegrator | None" = None,
+        shared: Shared = ALONE,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
-        self.storages = storages
-        if begun is None or self.changes:
+        self.storages = shared.storages
+        if shared.begun is None or self.changes:
             self._find_start(full, chunk, accelerations)
         else:
-            self._repeat_start(begun, chunk, accelerations)
+            self._repeat_start(shared.begun, chunk, accelerations)
         simulation = model.simulation
         step = 0.0 if resolve(simulation).adaptive else simulation.dt
         span = Span(simulation.t_final, step, self.resolves_inputs)
