@@ -143,8 +143,9 @@ class ContactModes:
         line = self.held.side_by_side(which)
         if line is not None:
             raise ContactsUnsolved(_along_a_line(self.time, self.names[line]))
-        friction = event is not None and event >= was.size
-        cause = self._cause(event - was.size, which) if event is not None and friction else Cause()
+        cause = Cause()
+        if event is not None and event >= was.size:
+            cause = self._cause(event - was.size, which)
         try:
             self._resolve(which, was, cause, jumped)
         except NoSolution as error:

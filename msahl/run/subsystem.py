@@ -62,7 +62,7 @@ from msahl.system.switches import (
 )
 from msahl.system.tree import NOTHING_MOVES, Formulation, choose_formulation
 from msahl.system.unknowns import choose
-from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
+from msahl.system.work_arrays import caller, jacobian_at_rest, new_work_arrays
 
 if TYPE_CHECKING:
     from msahl.contact.modes import ContactModes
@@ -175,7 +175,8 @@ class SubsystemIntegrator:
         own: Workspace = begun.workspace
         system, state = with_own_doubles(own.system), State(*(a.copy() for a in own.state))
         self._place(new_workspace(system, own.unknowns, state, chunk, accelerations))
-        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, self._call_once)
+        call = caller(self.size, self.storage if self.size < LARGE else None)
+        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, call)
 
     def _take_storage(self, chunk: int, accelerations: bool) -> Storage:
         """Return storage of an earlier run of a system that is connected alike, or new storage."""
@@ -238,12 +239,6 @@ class SubsystemIntegrator:
         """Set the workspace to the ``fresh`` one, or to that of an earlier run with its numbers."""
         name = ("workspace", self.axis, id(fresh.unknowns))
         self.workspace = self.storage.place(name, fresh)
-
-    def _call_once(self, kernel: Callable[..., Any], *given: Any) -> Any:
-        """Call a ``kernel`` that a run needs once or twice."""
-        if self.size < LARGE:
-            return self.storage.call(kernel, *given)
-        return by_size(kernel, self.size)(*given)
 
     def _choose_formulation(self, full: bool) -> Formulation:
         """Return the coordinates in which steps are solved."""

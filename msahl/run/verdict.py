@@ -145,6 +145,11 @@ class Figures:
         return max(self.length, self.extreme("displacementMax"))
 
     @property
+    def by_tolerance(self) -> bool:
+        """Whether the size of the steps was chosen by a tolerance."""
+        return self.tolerance is not None or self.local_tolerance is not None
+
+    @property
     def size_in_words(self) -> str:
         """What the size of the model is."""
         moves = self.size > self.length
@@ -235,7 +240,7 @@ def _energy_between_steps(figures: Figures, limits: Limits) -> tuple[str, str]:
     if word == PASS:
         return word, text if error > figures.extreme("energyErrorMax") else ""
     remedy = "reduce --tolerance"
-    if figures.tolerance is None and figures.local_tolerance is None:
+    if not figures.by_tolerance:
         remedy = "reduce --dt, or let the output interval be a multiple of the step"
     more = "energies and works are interpolated there, and less accurate than at the steps"
     return word, f"{text}: {more}; {remedy}"
@@ -345,9 +350,9 @@ def _reaction_errors(figures: Figures, limits: Limits) -> Iterator[Finding]:
     error: dict[str, Any] = figures.error or {}
     energy, length = figures.energy_size, figures.length
     units = {"force": ("N", length), "moment": ("N m", 1.0), "load": ("N or N m", min(length, 1.0))}
-    remedy = "a smaller --dt, or --scheme gauss"
-    if figures.tolerance is not None or figures.local_tolerance is not None:
-        remedy = "a smaller --tolerance"
+    remedy = (
+        "a smaller --tolerance" if figures.by_tolerance else "a smaller --dt, or --scheme gauss"
+    )
     for kind, largest in error.get("largest", {}).items():
         (unit, lever), lasting = units[kind], error["lasting"][kind]
         if lasting > max(REACTION * largest, NOISE * energy / lever):
@@ -509,7 +514,7 @@ def _advice(figures: Figures, error: float, limit: float) -> str:
     good = (
         f"; within {limit:.1e} m up to t = {figures.horizon(limit):g} s" if figures.horizon else ""
     )
-    if figures.tolerance is not None or figures.local_tolerance is not None:
+    if figures.by_tolerance:
         return good
     enough = _shorter(figures.dt, (0.5 * limit / error) ** (1.0 / figures.order))
     rotation = figures.extreme("rotationPerStepMax")

@@ -1,7 +1,5 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from msahl.elements.beams.shape import gauss_stations
@@ -123,12 +121,11 @@ def amplitude_columns(model: Model) -> list[str]:
     """Header of ``amplitudes.csv``: of each mode of each elastic body, counted from 1 as in
     ``Rod.1``, the amplitude [m] and its rate [m/s].
     """
-    modes = (f"{body.name}.{j}" for body in model.elastic_bodies for j in _counted(body.stiffness))
-    return ["time", *(f"{mode}.{AMPLITUDE}{level}" for mode in modes for level in ("", "Rate"))]
-
-
-def _counted(items: Sequence[object]) -> range:
-    return range(1, len(items) + 1)
+    found = ["time"]
+    for body in model.elastic_bodies:
+        for j in range(1, len(body.stiffness) + 1):
+            found += [f"{body.name}.{j}.{AMPLITUDE}{level}" for level in ("", "Rate")]
+    return found
 
 
 def workers(model: Model) -> tuple[str, ...]:

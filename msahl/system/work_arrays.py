@@ -69,9 +69,18 @@ def new_work_arrays(system: System, state: State, storage: Storage | None = None
     start = new_system_workspace(system, state)
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
     size = moving_count(system.frames)
-    if storage is None:
-        return WorkArrays(start, rest, lambda kernel, *given: by_size(kernel, size)(*given))
-    return WorkArrays(storage.place("start", start), storage.place("rest", rest), storage.call)
+    if storage is not None:
+        start, rest = storage.place("start", start), storage.place("rest", rest)
+    return WorkArrays(start, rest, caller(size, storage))
+
+
+def caller(size: int, storage: Storage | None) -> Callable[..., Any]:
+    """Return what calls kernels that a run of so many bodies needs once or twice, with groups of
+    the ``storage`` if there is one.
+    """
+    if storage is not None:
+        return storage.call
+    return lambda kernel, *given: by_size(kernel, size)(*given)
 
 
 def jacobian_at_rest(
