@@ -5,6 +5,7 @@ An event is that a scalar y of the motion reaches a level:
     EXPRESSION   y is an expression of the motion, a place on the system's tape
     COORDINATE   y is the coordinate of a joint                                 [m or rad]
     RATE         y is its rate                                              [m/s or rad/s]
+    SLIP         y is the amount of the slip of a compliant contact with friction    [m/s]
     FORCE        y is a multiplier, by its place                                  [N or N m]
     FRICTION     y is the slip or the grip of a contact with friction             [m/s or N]
     REACTING     y is an expression of joints' reactions at the same time, a place on the tape
@@ -55,15 +56,18 @@ from msahl.events.expressions import (
 from msahl.expressions.known_times import KnownTimes
 from msahl.expressions.tape import FREE, SIGN
 from msahl.jit.kernel import apart, kernel, optional
-from msahl.ports import forces
+from msahl.ports import forces, rubbing
 from msahl.system.arrays import System, SystemWorkspace
 from msahl.system.contacts import Contacts
 from msahl.system.switches import FALLS, NEVER, Conditions
 
-EXPRESSION, COORDINATE, RATE, FORCE, REACTING, FRICTION, KINK, CROSSING = range(8)
+EXPRESSION, COORDINATE, RATE, SLIP, FORCE, REACTING, FRICTION, KINK, CROSSING = range(9)
 END, SPLIT, CONTACT = range(3)
 ENDS_AT_KINKS = 3
 """Order of schemes from which steps end where a force has a kink; order 2 is kept in any case."""
+FAST = 8.0
+"""Widths of a friction law, tanh(rate/width), within which it changes: 4e-7 of it is beyond. A
+step up to one width would miss, as its halves would, how the rate falls to there."""
 NEAR = 1e-9
 """Fraction of a table's piece (beyond its ends: of a metre or radian), or of a friction law's
 width, within which a coordinate or a rate counts as being at the level."""
@@ -108,6 +112,7 @@ class Margin(NamedTuple):
     origin: float = 0.0
     level: float = 0.0
     near: float = 0.0
+    width: float = 0.0  # of a friction law [m/s or rad/s]
     switch: int = -1  # of an expression
     integers: bool = False  # whether the levels of the switch are all integers
     least: float = 0.0  # what the switch is below its level; above it is 1
@@ -125,6 +130,7 @@ class Margins(NamedTuple):
     origin: np.ndarray  # (m,)
     level: np.ndarray  # (m,)
     near: np.ndarray  # (m,)
+    width: np.ndarray  # (m,) 0 for other laws
     switch: np.ndarray  # (m,) or -1
     integers: np.ndarray  # (m,)
     least: np.ndarray  # (m,)
@@ -224,7 +230,17 @@ def _of_breakpoints(system: System) -> Iterator[Margin]:
         if law >= 0 and system.laws.kind[law] == PIECES:
             yield Margin(COORDINATE, coordinate, SPLIT, law=law, origin=origin, near=NEAR)
     for coordinate, width in zip(*forces.rate_breakpoints(system.forces), strict=True):
-        yield Margin(RATE, coordinate, SPLIT, level=width, near=NEAR)
+        yield from _of_width(Margin(RATE, coordinate, SPLIT, width=width, near=NEAR))
+    for k, width in enumerate(forces.slip_breakpoints(system.forces)):
+        yield from _of_width(Margin(SLIP, k, SPLIT, width=width, near=NEAR))
+
+
+def _of_width(margin: Margin) -> Iterator[Margin]:
+    """Yield the ``margin`` of a friction law at the rates from which and up to which it changes
+    fast.
+    """
+    for widths in (1.0, FAST):
+        yield margin._replace(level=widths * margin.width)
 
 
 def _of_conditions(system: System, conditions: Conditions) -> Iterator[Margin]:
@@ -329,6 +345,8 @@ def set_values(margins: Margins, system: System, start: SystemWorkspace, value: 
             value[k] = margins.coordinate[item]
         elif kind == RATE:
             value[k] = margins.rate[item]
+        elif kind == SLIP:
+            value[k] = rubbing.slip(system.forces.rubbing, margins.rate, item)
         elif kind == CROSSING:
             value[k] = margins.coordinate[item] + _past_ends(system.scalar, start.scalar, item)
         elif kind == KINK:

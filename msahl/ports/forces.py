@@ -942,6 +942,11 @@ def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
     return forces.along.coordinate[fast], forces.along.width[fast]
 
 
+def slip_breakpoints(forces: Forces) -> np.ndarray:
+    """Return the slips (k,) [m/s] at which the friction of each compliant contact changes fast."""
+    return np.zeros(0) if forces.rubbing is None else forces.rubbing.width
+
+
 def kinks_of_contacts(forces: Forces) -> Iterator[tuple[int, float, float]]:
     """Yield the coordinate of each compliant contact, its value where the contact touches, and its
     rate where the force of one that opens ends, 0 if it does not.

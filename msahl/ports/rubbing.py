@@ -108,6 +108,13 @@ def _resist(group: Rubbing, k: int, N: float, s: tuple[float, float], load: np.n
     load[group.along[k, 1]] -= c * N * s[1]
 
 
+@optional(0.0)
+def slip(group: Rubbing, rate: np.ndarray, k: int) -> float:
+    """Return the amount of the slip of contact ``k`` at the coordinates' ``rate`` (q,) [m/s]."""
+    s_1, s_2 = rate[group.along[k, 0]], rate[group.along[k, 1]]
+    return math.sqrt(s_1 * s_1 + s_2 * s_2)
+
+
 @optional()
 def add_loads(group: Rubbing, along: AlongForces, laws: Laws, place: ScalarWorkspace) -> None:
     """Add the friction to the coordinates' loads, after ``scalar.rates``."""

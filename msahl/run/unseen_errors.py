@@ -33,12 +33,6 @@ UNRESOLVED, OFTEN = 0.3, 0.25
 """A step does not resolve a motion that deviates from the parabola by this fraction of its change
 within the step. This must be so in this fraction of all steps: one step alone may hold a jump of
 the velocity."""
-BEYOND = 8.0
-"""Widths that a rate has to pass within a step for what friction, tanh(rate/width), lacks beyond
-the first one to be missed: 4e-7 is left there."""
-REST = 0.18
-"""Part of what it lacks, the integral of 1 - tanh, that is beyond the first width: ln(1 + e^-2) of
-ln 2."""
 
 
 def unseen_motion(model: Model, length: float) -> float:
@@ -72,13 +66,13 @@ def unresolved_friction(
     one step ``h`` [s] of a scheme of this ``order``, in a run until ``t_final`` [s].
 
     While a rate passes through the width, friction is below its limit. If that happens within one
-    step, both runs miss it. Steps of higher order end at the width, and miss the rest beyond it.
+    step, both runs miss it. Steps of higher order end at the width, and resolve the rest beyond it.
     """
+    if order >= ENDS_AT_KINKS:
+        return 0.0
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
-    ends = order >= ENDS_AT_KINKS
-    step = h / BEYOND if ends else h
-    passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, step)
-    return (REST if ends else 1.0) * passed * t_final
+    passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, h)
+    return passed * t_final
 
 
 def unseen_jump(

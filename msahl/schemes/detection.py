@@ -112,6 +112,12 @@ class Detection:
         t = float(self.workspace.state.time[0])
         self._call(step_events.cross, self.detector, event.margin, t)
 
+    def time_of_a_width(self, event: Event) -> float:
+        """Time [s] in which the rate or the slip of an ``event`` changes by the width of its
+        friction law; infinite if it is of another kind.
+        """
+        return step_events.time_of_a_width(self.detector, event.margin)
+
     @property
     def counters(self) -> dict[str, Any]:
         """What later steps depend on, as JSON can hold it: which switches are held, when they have

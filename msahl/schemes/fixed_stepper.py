@@ -9,6 +9,10 @@ A step in which an event divides steps is taken in parts, up to the event and on
 next one begins where it would have begun; so is one with a time that is known to be a breakpoint.
 The compiled loop returns where it sees either. A companion takes such parts in two halves: they may
 be the same as those of the run, whose errors would not show.
+
+The parts after a rate or a slip is at the width of a friction law, which it passes faster than a
+step, begin with the time of one width, and each is twice as long as the last one, until they are
+steps again: no stage of a longer part would see what friction lacks beyond the width.
 """
 
 import math
@@ -156,6 +160,7 @@ class FixedStepper:
         self.halves_parts = self.half_taken = False
         self.divisions = 0  # of the present step and its parts
         self.solved_part = math.inf  # share of a step of the last part that was shorter than asked
+        self.resolving = math.inf  # longest part that the next may be after a friction's width [s]
         self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
@@ -186,12 +191,12 @@ class FixedStepper:
         """See ``Stepper``."""
         events = self.method.detection.counters if self.method.detection else {}
         contacts = self.contacts.counters if self.contacts else {}
-        own = {"may_compile": self.may_compile, "events": events, "contacts": contacts}
-        return {**own, **self.method.counters}
+        own = {"may_compile": self.may_compile, "resolving": self.resolving}
+        return {**own, "events": events, "contacts": contacts, **self.method.counters}
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
-        self.may_compile = counters["may_compile"]
+        self.may_compile, self.resolving = counters["may_compile"], counters["resolving"]
         if self.contacts:
             self.contacts.restore(counters["contacts"])
             self.method = self.contacts.method
@@ -259,13 +264,14 @@ class FixedStepper:
         parts: dict[int, tuple[float, ...]] = {}
         self._prepare_detection()
         while k < chunk.last:
-            detection = self.method.detection
-            if self._uses_compiled_loop():
+            detection, tried = self.method.detection, False
+            if self._uses_compiled_loop() and self.resolving == math.inf:
+                tried = True
                 k = self.method.take_steps(chunk.h, k, chunk.last, chunk.schedule)
                 event = detection.event() if detection else None
             if k < chunk.last:
                 if not (event and event.ends_run):
-                    outcome, event, ends = self._take_single(chunk, k, event is None)
+                    outcome, event, ends = self._take_single(chunk, k, tried and event is None)
                 if event or not outcome.converged:
                     break
                 if ends:
@@ -306,7 +312,7 @@ class FixedStepper:
                 outcome, event, part = self._take_next(chunk.h, ends[-1], events, tried)
             except _Undivided:
                 self._go_back(before)
-                ends, events = [0.0], self.most_parts
+                ends, events, self.resolving = [0.0], self.most_parts, math.inf
                 continue
             tried = False
             if not outcome.converged or (event and event.ends_run):
@@ -340,7 +346,7 @@ class FixedStepper:
         """
         assert self.method.detection
         self.method.detection.cross(event)
-        self.solved_part = math.inf
+        self.solved_part, self.resolving = math.inf, self.method.detection.time_of_a_width(event)
         if self.contacts is None:
             return True
         from msahl.contact.modes import ContactsUnsolved  # which few models need
@@ -357,6 +363,7 @@ class FixedStepper:
     def _undo(self, before: list[np.ndarray], counters: dict[str, Any]) -> None:
         """Return to the state ``before`` a step, and to the contacts of these ``counters``."""
         self._go_back(before)
+        self.resolving = math.inf
         if self.contacts:
             self.contacts.restore(counters)
             self.method = self.contacts.enter(self.method)
@@ -375,6 +382,7 @@ class FixedStepper:
         part = rest * detection.known_part(rest * h)
         if self.contacts:
             part = min(part, self.contacts.time_left() / h)
+        part = min(part, self.resolving / h * (0.5 if self.half_taken else 1.0))
         halves = self.halves_parts and not self.half_taken and (part < rest or begun > 0.0)
         part *= 0.5 if halves else 1.0
         detection.begin(events < self.most_parts)
@@ -387,11 +395,14 @@ class FixedStepper:
                 outcome, part, event = self._begin_slip(event, begin, h, part)
             else:
                 event, part = self._take_to_first(event, begin, h, part)
+                if self._may_share(halves) and SHORTEST < part < rest:
+                    event, part, halves = self._take_half(event, begin, h, part)
                 if self.contacts and math.isnan(part) and not holds:
                     (outcome, part), event = self._approach(event, begin, h), None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
         if not failed:
             self.half_taken = halves and event is None
+            self._lengthen(h)
             counts = event is not None and (event.ends_run or part < rest)
             return outcome, event if counts else None, part
         self._go_back(begin)
@@ -404,6 +415,32 @@ class FixedStepper:
         if self.contacts is None and (event or 0 < events < MAX_PARTS):
             raise _Undivided
         return Outcome(math.inf, -1) if event else outcome, None, part
+
+    def _may_share(self, halves: bool) -> bool:
+        """Whether the part just taken may be the same in another run, as it is not one of two
+        ``halves``.
+        """
+        return self.halves_parts and not halves and not self.half_taken
+
+    def _take_half(
+        self, event: Event, begin: list[np.ndarray], h: float, part: float
+    ) -> tuple[Event | None, float, bool]:
+        """Take the first half of a ``part`` of a step ``h`` that ends at an ``event``, or the part
+        once more if the half cannot be solved or has an event; return the event at its end, what
+        fraction it is, and whether it is a half.
+        """
+        detection = self.method.detection
+        outcome, half = self._take_again(begin, h, 0.5 * part)
+        if outcome.converged and half == 0.5 * part and detection and detection.look() is None:
+            return None, half, True
+        return event, self._take_part(event, begin, h, part), False
+
+    def _lengthen(self, h: float) -> None:
+        """Let the next part be twice as long as the one taken, up to a step ``h``."""
+        if not self.half_taken:
+            self.resolving *= 2.0
+        if self.resolving >= h:
+            self.resolving = math.inf
 
     def _opens_where_stuck(self, begin: list[np.ndarray]) -> bool:
         """Whether other contacts are closed in the steps from the ``begin`` of one that cannot be

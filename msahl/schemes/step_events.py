@@ -246,6 +246,15 @@ def cross(detector: Detector, k: int, t: float) -> None:
 
 
 @kernel
+def time_of_a_width(detector: Detector, k: int) -> float:
+    """Time [s] in which the rate or the slip of margin ``k``, at whose level the last event was,
+    changes by the width of a friction law; infinite if it is of another kind.
+    """
+    width, change = detector.margins.width[k], abs(detector.figures[RATE])
+    return width / change if width > 0.0 and change > 0.0 else math.inf
+
+
+@kernel
 def save_sliding(detector: Detector, k: int, t: float) -> None:
     """Save that the motion slides along the level of margin ``k`` since ``t`` [s]; steps are not
     divided there any more.
@@ -508,9 +517,9 @@ def save_event(detector: Detector, level: int, before: float, after: float) -> N
         else:
             before = middle
     sample(detector, level, after, detector.probe)
-    k = outside(detector, detector.probe)
-    if split(detector, detector.probe) >= 0:
-        k = split(detector, detector.probe)
+    k = split(detector, detector.probe)
+    if k < 0:
+        k = outside(detector, detector.probe)
     edge = detector.high[k]
     if detector.probe[k] < detector.low[k]:
         edge = detector.low[k]

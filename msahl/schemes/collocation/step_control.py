@@ -488,13 +488,11 @@ def cross_at_end(detector: Detector, control: StepControl, t: float) -> None:
     the width of a friction law, the next pair is as long as the rate takes for another width: most
     of what friction lacks beyond it is there, and no stage of a long pair would see it.
     """
-    k, margs, figures = detector.event[0], detector.margins, control.figures
+    k, figures = detector.event[0], control.figures
     if k < 0:
         return
     step_events.cross(detector, k, t)
-    slope, width = abs(detector.figures[step_events.RATE]), margs.level[k]
-    if margs.kind[k] == margins.RATE and 0.0 < width < slope * figures[NEXT]:
-        figures[NEXT] = width / slope
+    figures[NEXT] = min(figures[NEXT], step_events.time_of_a_width(detector, k))
 
 
 @optional(0.0)
