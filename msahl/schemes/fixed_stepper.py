@@ -397,7 +397,7 @@ class FixedStepper:
                 event, part = self._take_to_first(event, begin, h, part)
                 if self._may_share(halves) and SHORTEST < part < rest:
                     event, part, halves = self._take_half(event, begin, h, part)
-                if self.contacts and math.isnan(part) and not holds:
+                if event and self.contacts and math.isnan(part) and not holds:
                     (outcome, part), event = self._approach(event, begin, h), None
             failed = not (part == 0.0 or (part > 0.0 and (detection.finite or not holds)))
         if not failed:

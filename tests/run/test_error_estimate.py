@@ -309,7 +309,7 @@ def test_steps_are_divided_where_friction_changes_fast(rolls, width, scheme, dt)
     else:
         exact = way_to_rest(0.606, 0.2 * 9.81, width)
     true = abs(float(run.states[-1, 1]) - exact)
-    # Where errors are 1e-10 of the way, those of run and companion may be alike by chance.
+    # Where errors are 1e-10 of the displacement, those of run and companion may be alike by chance.
     assert true <= run.report.error["position"] / NEAR[0] + 2e-11
     # Parts of steps resolve the width: of radau2, which has the largest error, 3e-8 m is left.
     assert run.report.error["position"] <= 1e-7
