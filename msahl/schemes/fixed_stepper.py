@@ -33,6 +33,8 @@ MAX_SUBDIVISIONS = 10
 LARGEST_DENSE = 300
 """Largest number of unknowns for which ``auto`` calls scipy, whose algebra is dense: a step with
 300 unknowns takes it tens of milliseconds, and the time grows with the third power."""
+MOST_MISSED = 4
+"""Most events before the one sought, each of which is sought in turn."""
 MAX_PARTS = 16
 """Largest number of parts of a step: what happens more often is not resolved by such steps, and the
 rest of the step is taken as if there were no events."""
@@ -498,17 +500,21 @@ class FixedStepper:
     def _take_to_first(
         self, event: Event, begin: list[np.ndarray], h: float, rest: float
     ) -> tuple[Event, float]:
-        """Do what ``_take_part`` does up to an ``event``, or to a kink before it: the dense output
-        of a step beyond one may have others before it.
+        """Do what ``_take_part`` does up to an ``event``, or to a kink or the end of a gap before
+        it: the dense output of a step beyond one may have others before it.
         """
         part, since = self._take_part(event, begin, h, rest), float(begin[0][0])
         if self.contacts is None or not part > 0.0:
             return event, part
         assert self.method.detection
-        first = self.method.detection.kink_before(since)
-        if first is None:
-            return event, part
-        return first, self._take_part(first, begin, h, part)
+        for _ in range(MOST_MISSED):
+            first = self.method.detection.missed(since, event.margin)
+            if first is None:
+                break
+            event, part = first, self._take_part(first, begin, h, part)
+            if not part > 0.0:
+                break
+        return event, part
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the
@@ -590,7 +596,10 @@ class FixedStepper:
         """Bring the workspace back to what was saved."""
         for array, value in zip(self._changing(), saved, strict=True):
             array[:] = value
-        prepare(self.workspace)
+        if self.contacts:
+            self.contacts.prepare()
+        else:
+            prepare(self.workspace)
 
     def _changing(self) -> list[np.ndarray]:
         workspace = self.workspace
