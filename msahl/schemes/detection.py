@@ -313,6 +313,12 @@ class Detection:
         rate = float(now[k] - before[k]) / (t - since)
         return Event(k, False, since + float(part[k]) * (t - since), t, float(level[k]), rate)
 
+    def round_off(self, k: int) -> float:
+        """Return the round-off of margin ``k`` if it is a gap, else 0."""
+        own = self.detector.margins
+        is_gap = own.action[k] == CONTACT and own.kind[k] in (COORDINATE, CROSSING)
+        return float(own.near[k]) if is_gap else 0.0
+
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""
         self._call(step_events.set_margins, self.detector, self.workspace, self.detector.probe)

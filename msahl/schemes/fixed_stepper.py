@@ -537,7 +537,8 @@ class FixedStepper:
 
         guess = (event.guess - since) / h
         try:
-            part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest)
+            near = detection.round_off(event.margin)
+            part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest, near)
         except NoStep:
             return math.nan
         if part > SHORTEST:
