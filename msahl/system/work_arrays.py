@@ -72,10 +72,10 @@ def new_work_arrays(system: System, state: State, storage: Storage | None = None
     """Return the work arrays for a ``state``, from ``storage`` if that is given."""
     start = new_system_workspace(system, state)
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
-    size = moving_count(system.frames)
+    size = size_of(system)
     if storage is not None:
         start, rest = storage.place("start", start), storage.place("rest", rest)
-    return WorkArrays(start, rest, caller(size, storage))
+    return WorkArrays(start, rest, caller(size, storage if size < LARGE else None))
 
 
 def caller(size: int, storage: Storage | None) -> Callable[..., Any]:
