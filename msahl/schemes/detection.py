@@ -319,6 +319,11 @@ class Detection:
         is_gap = own.action[k] == CONTACT and own.kind[k] in (COORDINATE, CROSSING)
         return float(own.near[k]) if is_gap else 0.0
 
+    def is_force(self, k: int) -> bool:
+        """Return whether margin ``k`` is a force of a contact, or what is left of its grip."""
+        own = self.detector.margins
+        return bool(own.action[k] == CONTACT and own.kind[k] in (FORCE, FRICTION))
+
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""
         self._call(step_events.set_margins, self.detector, self.workspace, self.detector.probe)

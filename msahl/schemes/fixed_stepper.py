@@ -47,6 +47,10 @@ SMALLER, SHORTER_PARTS = 0.125, 3
 """Part of a step that is taken where a slip that begins seems to end in it, and how often."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
+TOO_SHORT = 1e-7
+"""Fraction of a step up to which an event by the forces of contacts is one at its start: in steps
+of this size forces that keep gaps closed are round-off over the square of their time, and sliding
+does work by them. What a force changes by in it is as small."""
 
 
 class _Undivided(Exception):  # noqa: N818 - an outcome
@@ -541,7 +545,7 @@ class FixedStepper:
             part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest, near)
         except NoStep:
             return math.nan
-        if part > SHORTEST:
+        if part > (TOO_SHORT if detection.is_force(event.margin) else SHORTEST):
             return part
         self._go_back(begin)
         return 0.0
