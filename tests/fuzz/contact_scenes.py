@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from scipy.spatial.transform import Rotation
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 
@@ -89,9 +90,9 @@ def _solid(random, name: str, level: bool) -> Solid:
     a, b, c = (2.0 * (h + radius) for h in half)
     inertia = tuple(mass / 12.0 * s for s in (b * b + c * c, a * a + c * c, a * a + b * b))
     axis = random.normal(size=3)
-    turned = tuple(axis / np.linalg.norm(axis))
+    tilted = tuple(axis / np.linalg.norm(axis))
     angle = float(random.choice([0.0, np.pi / 4, random.uniform(0.0, 3.0)]))
-    orientation = from_axis_angle((0.0, 0.0, 1.0) if level else turned, angle)
+    orientation = from_axis_angle((0.0, 0.0, 1.0) if level else tilted, angle)
     speed = 0.0 if level and random.random() < 0.7 else 1.0
     velocity = tuple((speed * random.normal(size=3) * (1.0, 1.0, 0.0 if level else 1.0)).tolist())
     spin = tuple((0.0 if level else 1.0) * random.normal(size=3) * 3.0)
@@ -110,13 +111,13 @@ def _body(solid: Solid) -> str:
     angle = float(np.linalg.norm(rotation_vector(solid.orientation)))
     axis = rotation_vector(solid.orientation) / angle if angle else np.array([0.0, 0.0, 1.0])
     R = np.array(matrix(solid.orientation))
-    turned = f'<phi units="rad">{angle!r}</phi>{_numbers(("u1", "u2", "u3"), axis)}'
+    rotated = f'<phi units="rad">{angle!r}</phi>{_numbers(("u1", "u2", "u3"), axis)}'
     moved = _numbers(("v1", "v2", "v3"), R @ solid.velocity)
     return (
         f"<rigidBody><name>{solid.name}</name><mass>{solid.mass}</mass>"
         f"<moi>{_numbers(('Ixx', 'Iyy', 'Izz'), solid.inertia)}</moi><initialConditions>"
         f'<position basis="Earth">{_xyz(solid.position)}</position>'
-        f"<orientation><eulerRotation>{turned}</eulerRotation></orientation>"
+        f"<orientation><eulerRotation>{rotated}</eulerRotation></orientation>"
         f'<velocity basis="Earth">{moved}</velocity>'
         f"<angularVelocity>{_numbers(('omega1', 'omega2', 'omega3'), solid.spin)}</angularVelocity>"
         "</initialConditions></rigidBody>"
@@ -125,10 +126,7 @@ def _body(solid: Solid) -> str:
 
 def rotation_vector(p) -> np.ndarray:
     """Return the rotation vector (3,) of the parameters ``p`` of an orientation."""
-    R = np.array(matrix(tuple(p)))
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(R).as_rotvec()
+    return Rotation.from_matrix(np.array(matrix(tuple(p)))).as_rotvec()
 
 
 def _set(solids, law: str) -> str:

@@ -44,3 +44,15 @@ def test_bodies_on_a_box_that_is_struck_leave_it_on_its_floor(tmp_path):
     assert len(events) > 100
     assert gap > -OVERLAP
     assert report.extremes["energyErrorMax"] < 1e-9
+
+
+@pytest.mark.slow
+def test_a_slip_that_begins_with_a_step_does_no_work_by_round_off(tmp_path, monkeypatch):
+    """The step up to it would be 1e-13 of another one, with forces that are round-off over the
+    square of its time.
+    """
+    monkeypatch.setattr("tests.fuzz.test_contact_scenes.END", 0.6)
+    report, _, gap = run_scene(201, "preserving", tmp_path)
+    assert report.status == "completed", report.message
+    assert gap > -OVERLAP
+    assert report.extremes["energyErrorMax"] < 1e-10  # it was 4e-8
