@@ -23,13 +23,12 @@ from msahl.formulations.absolute.frames import (
     moving_count,
     rotation_increment,
 )
-from msahl.jit.by_size import by_size
 from msahl.start.velocities import add_to_velocities, factor_at_rest, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
 from msahl.system.contacts import Contacts, set_closed, set_sticking
 from msahl.system.unknowns import Unknowns
-from msahl.system.work_arrays import WorkArrays, rigid_at_rest, size_of
+from msahl.system.work_arrays import WorkArrays, rigid_at_rest
 
 
 class Response(NamedTuple):
@@ -131,8 +130,8 @@ def gaps(
     work_arrays.call(evaluate.prepare, system, state, work_arrays.start)
     value, rate = np.zeros((2, system.scalar.coordinates.kind.size))
     start = work_arrays.start
-    values = by_size(scalar.values, size_of(system))
-    values(system.scalar, start.scalar, start.frames, value, rate)
+    given = system.scalar, start.scalar, start.frames, value, rate
+    work_arrays.call(scalar.values, *given)
     q = system.scalar.equations.coordinate[contacts.row, 0]
     return value, contacts.sign * (value[q] - contacts.limit), rate
 
@@ -141,8 +140,8 @@ def choose_tangents(system: System, work_arrays: WorkArrays) -> None:
     """Take tangents of the contacts for an event, in the configuration of the last ``gaps``."""
     assert system.scalar is not None
     m = system.scalar.coordinates.products
-    choose_axes = by_size(surfaces.choose_axes, size_of(system))
-    choose_axes(m.surfaces, m, work_arrays.start.scalar.coordinates.products)
+    products = work_arrays.start.scalar.coordinates.products
+    work_arrays.call(surfaces.choose_axes, m.surfaces, m, products)
 
 
 def accelerations(
@@ -176,9 +175,8 @@ def at_kink(
     assert system.scalar is not None
     group, place = system.scalar, work_arrays.start.scalar
     q = group.equations.coordinate[contacts.row[which], 0]
-    kink = by_size(scalar.kink, size_of(system))
     bends = q[has_kinks(group.coordinates)[q]]
-    return any(abs(kink(group, place, int(k))) <= near for k in bends)
+    return any(abs(work_arrays.call(scalar.kink, group, place, int(k))) <= near for k in bends)
 
 
 def shortly_after(system: System, state: State, t: float) -> State:

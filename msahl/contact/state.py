@@ -11,6 +11,7 @@ import numpy as np
 
 from msahl.algebra.vector import Vector
 from msahl.contact import response as of_contacts
+from msahl.contact.complementarity import NoSolution, solve
 from msahl.contact.friction import Cones
 from msahl.contact.response import Response
 from msahl.elements.constraints import segments
@@ -260,17 +261,17 @@ class ContactState:
                 yield k, segments.half_lengths(group.ends, q), m, (rates[0], rates[1], rates[2])
 
     def lift(self, response: Response) -> None:
-        """Remove overlaps by round-off: an open contact must not begin with one."""
+        """Remove overlaps by round-off, of which no other contact that touches gets one: an open
+        contact must not begin with one.
+        """
         _, gap, _ = self.gaps()
-        k = np.flatnonzero(gap[response.which] < -LIFTED * self.contacts.round_off[response.which])
-        if not k.size:
+        gap, near = gap[response.which], LIFTED * self.contacts.round_off[response.which]
+        if not (gap < -near).any():
             return
-        before = self.energy()
-        push = np.zeros(response.row.size)
-        W, depth = response.W[np.ix_(k, k)], -gap[response.which[k]]
-        push[k] = np.linalg.lstsq(W, depth, rcond=None)[0]
+        before, push = self.energy(), np.zeros(response.row.size)
+        push[: gap.size] = _apart(response.gaps, gap, near)
         of_contacts.displace(self.system, response, push, self.state)
-        column = self.contacts.column[response.which[k[0]]]
+        column = self.contacts.column[response.which[gap.argmin()]]
         self.state.work[column] += self.energy() - before
 
     def energy(self) -> float:
@@ -346,3 +347,15 @@ class ContactState:
                 getattr(group, name)[:] = of_friction[name]
         self.contacts.acts[:] = counters["acts"]
         self.fastest = counters["fastest"]
+
+
+def _apart(W: np.ndarray, gap: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return the push (k,) of contacts by which no ``gap`` (k,) is less than zero any more. Where
+    they can not all be met, those that are less than ``-near`` are removed.
+    """
+    try:
+        return solve(W, gap)
+    except NoSolution:
+        push, k = np.zeros(gap.size), np.flatnonzero(gap < -near)
+        push[k] = np.linalg.lstsq(W[np.ix_(k, k)], -gap[k], rcond=None)[0]
+        return push

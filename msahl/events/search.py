@@ -13,6 +13,11 @@ NOISE = 1e-10
 than half the last one is round-off: the secant gains more."""
 
 
+STALLED = 3
+"""Values after which one that is more than half of what it was calls for bisection: the secant
+does not find a place where the function is steep between two where it is flat."""
+
+
 class NoStep(Exception):  # noqa: N818 - an outcome of the search
     """A step to a time that was tried could not be solved."""
 
@@ -30,19 +35,27 @@ class Event(NamedTuple):
 
 
 def time_of_zero(
-    function: Callable[[float], float], guess: float, rate: float, low: float, high: float
+    function: Callable[[float], float],
+    guess: float,
+    rate: float,
+    low: float,
+    high: float,
+    round_off: float = 0.0,
 ) -> float:
     """Return the time between ``low`` and ``high`` at which ``function`` is zero, by the secant
     from a ``guess`` and the ``rate`` there, and by bisection where that leaves the interval in
     which the sign changes. The function is negative at ``low`` and positive at ``high``, up to the
-    error of the dense output, and was called for the returned time last.
+    error of the dense output, and was called for the returned time last. Values have a
+    ``round_off``: one that touches zero and stays there does so at the first place found.
     """
     t, best, noise = guess, (guess, math.inf), NOISE * abs(rate) * (high - low)
     last: tuple[float, float] | None = None
+    noise, sizes = max(noise, round_off), list[float]()
     if not low < guess <= high:
         t = high
     for _ in range(MOST):
         value = function(t)
+        sizes.append(abs(value))
         at_noise = last is not None and 0.5 * abs(last[1]) <= abs(value) <= noise
         if abs(value) <= abs(best[1]):
             best = t, value
@@ -53,7 +66,8 @@ def time_of_zero(
             rate = (value - last[1]) / (t - last[0])
         last = t, value
         new = t - value / rate if rate != 0.0 else low
-        if not low < new < high:
+        stalls = len(sizes) > STALLED and sizes[-1] > 0.5 * sizes[-1 - STALLED]
+        if stalls or not low < new < high:
             new = 0.5 * (low + high)
         if abs(new - t) <= ROUND_OFF * abs(t) or not low < new < high:
             break

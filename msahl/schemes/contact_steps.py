@@ -13,7 +13,9 @@ import numpy as np
 from msahl.contact.modes import ContactModes, ContactsUnsolved
 from msahl.events.search import Event
 from msahl.linalg.elimination import new_factor
-from msahl.schemes.common.workspace import Workspace, prepare
+from msahl.schemes.common.workspace import Workspace
+from msahl.system import evaluate
+from msahl.system.work_arrays import PlainFirst
 
 if TYPE_CHECKING:
     from msahl.switching.modes import Switching
@@ -36,6 +38,7 @@ class ContactSteps:
     ) -> None:
         self.modes, self.switching = modes, switching
         self.make, self.workspace = make, workspace
+        self._call = PlainFirst(workspace.system)
         self.methods: dict[bytes, Any] = {}
         self.most_events = MOST_EVENTS
         self.trouble = ""  # why contacts ended the steps
@@ -125,9 +128,14 @@ class ContactSteps:
         if new is not method:
             new.begin_again(method)
         new.detection.follow(method.detection)
-        prepare(self.workspace)
+        self.prepare()
         new.reset_prediction()
         return new
+
+    def prepare(self) -> None:
+        """Prepare the state, as is done for each step that is tried up to an event."""
+        given = self.workspace
+        self._call(evaluate.prepare, given.system, given.state, given.start)
 
     @property
     def counters(self) -> dict[str, Any]:

@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from msahl.events.margins import END, FORCE, FRICTION, KINK, REACTING, Margins, await_conditions
+from msahl.events.margins import (
+    CONTACT,
+    COORDINATE,
+    CROSSING,
+    END,
+    FORCE,
+    FRICTION,
+    KINK,
+    REACTING,
+    Margins,
+    await_conditions,
+)
 from msahl.events.search import Event
 from msahl.expressions.tape import FREE
 from msahl.jit.compiled import Call, compiled
@@ -35,6 +46,9 @@ SAME_TIME = 1e-12
 """Difference of two times, as a fraction of them, that is round-off."""
 AFTER_JUMP = 1e-9
 """Time after a jump of velocities, as a fraction of the time, at which it has happened for sure."""
+OVERLAPS = 10.0
+"""Overlap, over the round-off of the gap, of a contact that has closed before: the steps of the
+search for another one leave one of it."""
 PASSED = 1e-10
 """Distance behind a kink over that before it, or the other way round, that is not round-off."""
 BEGINNING = 1.5
@@ -282,21 +296,39 @@ class Detection:
         after = t + max(AFTER_JUMP * abs(t), float(figures[NEAR]))
         return Event(int(ending[k]), True, t, after, 0.0, math.inf, at_start=True)
 
-    def kink_before(self, since: float) -> Event | None:
-        """Return the first kink of a distance that has been passed from ``since`` [s] on, the start
-        of the step that was examined last, to the present state, or None.
+    def missed(self, since: float, but: int) -> Event | None:
+        """Return the first kink of a distance, or end of a gap, ``but`` that of one margin, that
+        has been passed from ``since`` [s] on, the start of the step that was examined last, to the
+        present state, or None.
         """
         own, before, now = self.detector.margins, self.detector.value[0], self.detector.probe
         self._call(step_events.set_margins, self.detector, self.workspace, now)
         less, more = np.sort(np.abs([before, now]), axis=0)
         passed = (own.kind == KINK) & (before * now < 0.0) & (less > PASSED * more)
+        level = np.where(own.kind == KINK, 0.0, own.level)
+        ends = own.direction * (now - level) > OVERLAPS * own.near
+        ends &= own.direction * (before - level) < 0.0
+        passed |= np.isin(own.kind, (COORDINATE, CROSSING)) & (own.action == CONTACT) & ends
+        passed[but] = False
         if not passed.any():
             return None
         t = float(self.workspace.state.time[0])
-        part = np.where(passed, before / np.where(passed, before - now, 1.0), math.inf)
+        part = np.full(now.size, math.inf)
+        part[passed] = (before - level)[passed] / (before - now)[passed]
         k = int(np.argmin(part))
         rate = float(now[k] - before[k]) / (t - since)
-        return Event(k, False, since + float(part[k]) * (t - since), t, 0.0, rate)
+        return Event(k, False, since + float(part[k]) * (t - since), t, float(level[k]), rate)
+
+    def round_off(self, k: int) -> float:
+        """Return the round-off of margin ``k`` if it is a gap, else 0."""
+        own = self.detector.margins
+        is_gap = own.action[k] == CONTACT and own.kind[k] in (COORDINATE, CROSSING)
+        return float(own.near[k]) if is_gap else 0.0
+
+    def is_force(self, k: int) -> bool:
+        """Return whether margin ``k`` is a force of a contact, or what is left of its grip."""
+        own = self.detector.margins
+        return bool(own.action[k] == CONTACT and own.kind[k] in (FORCE, FRICTION))
 
     def value(self, k: int) -> float:
         """Return margin ``k`` of the present state."""

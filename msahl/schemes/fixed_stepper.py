@@ -37,6 +37,8 @@ MAX_SUBDIVISIONS = 10
 LARGEST_DENSE = 300
 """Largest number of unknowns for which ``auto`` calls scipy, whose algebra is dense: a step with
 300 unknowns takes it tens of milliseconds, and the time grows with the third power."""
+MOST_MISSED = 4
+"""Most events before the one sought, each of which is sought in turn."""
 MAX_PARTS = 16
 """Largest number of parts of a step: what happens more often is not resolved by such steps, and the
 rest of the step is taken as if there were no events."""
@@ -49,6 +51,10 @@ SMALLER, SHORTER_PARTS = 0.125, 3
 """Part of a step that is taken where a slip that begins seems to end in it, and how often."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
+TOO_SHORT = 1e-7
+"""Fraction of a step up to which an event by the forces of contacts is one at its start: in steps
+of this size forces that keep gaps closed are round-off over the square of their time, and sliding
+does work by them. What a force changes by in it is as small."""
 
 
 class _Undivided(Exception):  # noqa: N818 - an outcome
@@ -535,17 +541,21 @@ class FixedStepper:
     def _take_to_first(
         self, event: Event, begin: list[np.ndarray], h: float, rest: float
     ) -> tuple[Event, float]:
-        """Do what ``_take_part`` does up to an ``event``, or to a kink before it: the dense output
-        of a step beyond one may have others before it.
+        """Do what ``_take_part`` does up to an ``event``, or to a kink or the end of a gap before
+        it: the dense output of a step beyond one may have others before it.
         """
         part, since = self._take_part(event, begin, h, rest), float(begin[0][0])
         if self.contacts is None or not part > 0.0:
             return event, part
         assert self.method.detection
-        first = self.method.detection.kink_before(since)
-        if first is None:
-            return event, part
-        return first, self._take_part(first, begin, h, part)
+        for _ in range(MOST_MISSED):
+            first = self.method.detection.missed(since, event.margin)
+            if first is None:
+                break
+            event, part = first, self._take_part(first, begin, h, part)
+            if not part > 0.0:
+                break
+        return event, part
 
     def _take_part(self, event: Event, begin: list[np.ndarray], h: float, rest: float) -> float:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the
@@ -568,10 +578,11 @@ class FixedStepper:
 
         guess = (event.guess - since) / h
         try:
-            part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest)
+            near = detection.round_off(event.margin)
+            part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest, near)
         except NoStep:
             return math.nan
-        if part > SHORTEST:
+        if part > (TOO_SHORT if detection.is_force(event.margin) else SHORTEST):
             return part
         self._go_back(begin)
         return 0.0
@@ -627,7 +638,10 @@ class FixedStepper:
         """Bring the workspace back to what was saved."""
         for array, value in zip(self._changing(), saved, strict=True):
             array[:] = value
-        prepare(self.workspace)
+        if self.contacts:
+            self.contacts.prepare()
+        else:
+            prepare(self.workspace)
 
     def _changing(self) -> list[np.ndarray]:
         workspace = self.workspace

@@ -30,6 +30,7 @@ from msahl.system.arrays import State, System, new_system_workspace, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import set_strains
 from msahl.system.unknowns import choose
+from msahl.system.work_arrays import size_of
 
 MAX_ITERATIONS = 50
 CLOSED = 1e-13
@@ -99,7 +100,7 @@ def _length(system: System, state: State) -> float:
 
 def _violations(system: System, state: State) -> np.ndarray:
     """(k, 3) constraint violations [m], those in radians times a length."""
-    start, size = new_system_workspace(system, state), moving_count(system.frames)
+    start, size = new_system_workspace(system, state), size_of(system)
     by_size(evaluate.prepare, size)(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
     by_size(evaluate.observe, size)(system, state, start, violation, rate)

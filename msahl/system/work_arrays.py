@@ -24,6 +24,8 @@ from msahl.system.arrays import (
 PLAIN_CALLS = 100
 """Calls of kernels that stay plain Python: those of four events. To load their code takes a tenth
 of a second, which plain Python needs for some ten events of one body, or for one of ten bodies."""
+PRODUCTS = 64
+"""Scalar products that make a call of plain Python take twice as long: a pair of boxes has 700."""
 
 
 class WorkArrays(NamedTuple):
@@ -48,10 +50,12 @@ class PlainFirst:
 
     def __init__(self, system: System) -> None:
         self.size, self.calls = size_of(system), 0
+        products = 0 if system.scalar is None else system.scalar.coordinates.products.kind.size
+        self.weight = 1 + products // PRODUCTS
 
     def __call__(self, kernel: Callable[..., Any], *given: Any) -> Any:
         """Return what the ``kernel`` returns of what is ``given``."""
-        self.calls += 1
+        self.calls += self.weight
         fast = self.size >= LARGE or self.calls > PLAIN_CALLS
         return (compiled_once(kernel) if fast else kernel)(*given)
 
@@ -68,10 +72,10 @@ def new_work_arrays(system: System, state: State, storage: Storage | None = None
     """Return the work arrays for a ``state``, from ``storage`` if that is given."""
     start = new_system_workspace(system, state)
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
-    size = moving_count(system.frames)
+    size = size_of(system)
     if storage is not None:
         start, rest = storage.place("start", start), storage.place("rest", rest)
-    return WorkArrays(start, rest, caller(size, storage))
+    return WorkArrays(start, rest, caller(size, storage if size < LARGE else None))
 
 
 def caller(size: int, storage: Storage | None) -> Callable[..., Any]:
