@@ -140,3 +140,13 @@ def test_a_convex_mesh_has_the_same_inertia_by_pyramids(tmp_path):
     assert found.mass == pytest.approx(exact.mass)
     assert found.c == pytest.approx(exact.c)
     assert pytest.approx(exact.J) == found.J
+
+
+def test_a_tensor_without_mass_counts(imported):
+    """As in the models of Gazebo, MuJoCo and Pinocchio; feet of robots are shipped so."""
+    foot = link("foot", inertial(0, 0.1, 0.2, 0.25)), joint("f", "fixed", "a", "foot")
+    found = imported(*arm(inertial(2, 1, 1.5, 2)), *foot)
+    (body,) = found.source.model().bodies
+    assert body.mass == 2.0
+    assert np.diag(body.inertia) == pytest.approx([1.1, 1.7, 2.25], rel=1e-15)
+    assert messages(found, "inertia") == ["a tensor without mass; it counts as it stands"]
