@@ -43,6 +43,13 @@ def test_a_possible_tensor_stays():
     assert nearest_possible(J, 1.0) == pytest.approx(J, rel=1e-14)
 
 
+def test_what_round_off_left_of_zero_counts_as_zero():
+    """1e-35 kg m^2 of the head of a robot, 1.3 kg."""
+    J = np.array([[0.0, 0.0, 2.4e-35], [0.0, 0.0, 0.0], [2.4e-35, 0.0, 0.0]])
+    # By hand: every second moment is half the mass at the radius of a point, 0.1 mm.
+    assert np.linalg.eigvalsh(nearest_possible(J, 1.3)) == pytest.approx([1.3e-8] * 3, rel=1e-12)
+
+
 def test_by_hand_the_excess_is_shared_by_all_three_moments():
     # 1 + 1 < 5: each changes by a third of the excess of 3.
     found = np.linalg.eigvalsh(nearest_possible(np.diag([1.0, 1.0, 5.0]), 1.0))
