@@ -35,8 +35,8 @@ def second_moments(J: np.ndarray) -> np.ndarray:
 
 def nearest_possible(J: np.ndarray, mass: float) -> np.ndarray:
     """Return the symmetric tensor (3, 3) of a body nearest to ``J``, with second moments of at
-    least ``THIN`` of its largest entry, and of ``mass`` at the radius ``COMPACT`` if it has none but
-    round-off.
+    least ``THIN`` of its largest entry, and of ``mass`` at the radius ``COMPACT`` if all entries
+    are round-off.
     """
     moments, axes = np.linalg.eigh(0.5 * (J + J.T))
     largest = np.abs(moments).max()

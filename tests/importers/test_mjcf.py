@@ -130,7 +130,7 @@ def test_coordinates_of_a_planar_joint_have_the_signs_of_the_file(imported):
     """z x (x of the joint) is against the second slide here."""
     axes = {"x": "1 0 0", "z": "0 0 1"}
     slides = "".join(f'<joint name="{n}" type="slide" axis="{a}"/>' for n, a in axes.items())
-    inside = slides + hinge("turn", 'axis="0 1 0"') + BALL
+    inside = slides + hinge("roll", 'axis="0 1 0"') + BALL
     found = imported(body(inside), pose={"z": 0.4}, rates={"x": 0.2, "z": 0.3})
     result = msahl.load(found.source.data).run(scheme="gauss2", dt=0.1, t_final=0.1, error="off")
     body_name = only_body(found).name
@@ -149,7 +149,7 @@ def test_damped_slides_with_rotors_and_next_to_no_mass(imported):
     found = imported(body(slides + sphere), '<option gravity="0 0 0"/>', rates={"y": v})
     result = msahl.load(found.source.data).run(scheme="gauss4", dt=0.01, t_final=t, error="off")
     expected = v * m / c * (1.0 - math.exp(-c * t / m))
-    # The mass of the sphere is 2.5e-9 of that of the rotor; 1e-5 was seen where steps stopped early.
+    # The sphere has 2.5e-9 of the mass of the rotor; 1e-5 was seen where steps stopped early.
     assert result["y.slide"][-1] == pytest.approx(expected, rel=1e-8)
 
 
