@@ -22,6 +22,9 @@ THIN = 1e-6
 """Least second moment of the nearest tensor, as a share of its largest entry."""
 COMPACT = 1e-4
 """Radius of gyration [m] that a body without any moment of inertia gets: that of a point."""
+ROUND_OFF = 1e-8
+"""Radius of gyration [m] below which a tensor is what is left of zero by a program's round-off: an
+atom has 1e-10 m, and tensors of 1e-35 kg m^2 are found in files of robots."""
 
 
 def second_moments(J: np.ndarray) -> np.ndarray:
@@ -32,11 +35,13 @@ def second_moments(J: np.ndarray) -> np.ndarray:
 
 def nearest_possible(J: np.ndarray, mass: float) -> np.ndarray:
     """Return the symmetric tensor (3, 3) of a body nearest to ``J``, with second moments of at
-    least ``THIN`` of its largest entry, and of ``mass`` at the radius ``COMPACT`` if it has none.
+    least ``THIN`` of its largest entry, and of ``mass`` at the radius ``COMPACT`` if all entries
+    are round-off.
     """
     moments, axes = np.linalg.eigh(0.5 * (J + J.T))
     largest = np.abs(moments).max()
-    least = THIN * largest if largest > 0.0 else 0.5 * mass * COMPACT**2
+    is_zero = largest <= mass * ROUND_OFF**2
+    least = 0.5 * mass * COMPACT**2 if is_zero else THIN * largest
     found = SECOND_TO_PRINCIPAL @ _bounded(moments, least)
     nearest = axes @ np.diag(found) @ axes.T
     return np.asarray(0.5 * (nearest + nearest.T))

@@ -82,7 +82,7 @@ def _add(link: Link, parts: Parts, options: ImportOptions, names: Names, log: Lo
         if part.link is None and link.inertia.mass:
             log.changed(link.element, "it is fixed to the ground, which has no mass")
     parts.places[link.name] = (part.name, inner)
-    if link.inertia.mass:
+    if link.inertia.mass or link.inertia.J.any():
         part.inertias.append(link.inertia.seen_from(inner))
     for look in link.looks:
         look.pose = inner.after(look.pose)

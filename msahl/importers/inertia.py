@@ -50,8 +50,8 @@ def checked(
         return given
     if given.mass == 0.0:
         if given.J.any():
-            log.doubtful(element, "a tensor without mass; it is ignored")
-        return Inertia(0.0, given.c, np.zeros((3, 3)))
+            log.doubtful(element, "a tensor without mass; it counts as it stands")
+        return given
     complaint = impossible(matrix(given.J))
     if complaint:
         solid = solid_of(link.looks, meshes, given.mass)

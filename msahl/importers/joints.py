@@ -135,8 +135,8 @@ def _several(group: Sequence[Axis], ends: Ends) -> Placed:
     sign = float(np.sign(np.cross(z, x) @ slides[1].axis))
     start = _start([*slides, hinge], ["slide1", "slide2", "angle"])
     for values in (start.values, start.rates):
-        if "slide2" in values:
-            values["slide2"] *= sign
+        for name in values.keys() & {"slide2", "slide2Rate"}:
+            values[name] *= sign
     found = {slides[0].name: "slide1", hinge.name: "angle"}
     return Placed(joint, start, found | ({slides[1].name: "slide2"} if sign > 0.0 else {}))
 

@@ -43,6 +43,13 @@ def test_a_possible_tensor_stays():
     assert nearest_possible(J, 1.0) == pytest.approx(J, rel=1e-14)
 
 
+def test_what_round_off_left_of_zero_counts_as_zero():
+    """1e-35 kg m^2 of the head of a robot, 1.3 kg."""
+    J = np.array([[0.0, 0.0, 2.4e-35], [0.0, 0.0, 0.0], [2.4e-35, 0.0, 0.0]])
+    # By hand: every second moment is half the mass at the radius of a point, 0.1 mm.
+    assert np.linalg.eigvalsh(nearest_possible(J, 1.3)) == pytest.approx([1.3e-8] * 3, rel=1e-12)
+
+
 def test_by_hand_the_excess_is_shared_by_all_three_moments():
     # 1 + 1 < 5: each changes by a third of the excess of 3.
     found = np.linalg.eigvalsh(nearest_possible(np.diag([1.0, 1.0, 5.0]), 1.0))
@@ -140,3 +147,13 @@ def test_a_convex_mesh_has_the_same_inertia_by_pyramids(tmp_path):
     assert found.mass == pytest.approx(exact.mass)
     assert found.c == pytest.approx(exact.c)
     assert pytest.approx(exact.J) == found.J
+
+
+def test_a_tensor_without_mass_counts(imported):
+    """As in the models of Gazebo, MuJoCo and Pinocchio; feet of robots are shipped so."""
+    foot = link("foot", inertial(0, 0.1, 0.2, 0.25)), joint("f", "fixed", "a", "foot")
+    found = imported(*arm(inertial(2, 1, 1.5, 2)), *foot)
+    (body,) = found.source.model().bodies
+    assert body.mass == 2.0
+    assert np.diag(body.inertia) == pytest.approx([1.1, 1.7, 2.25], rel=1e-15)
+    assert messages(found, "inertia") == ["a tensor without mass; it counts as it stands"]

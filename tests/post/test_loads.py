@@ -86,6 +86,34 @@ def test_a_rotating_body_is_held_by_the_centripetal_force(tmp_path):
     assert instant.motions["arm"].spin == pytest.approx([0.0, 0.0, 3.0])
 
 
+MOI = "<moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>"
+DRUM = f"""<data><unitSystem>SI</unitSystem><system>
+  <bodies><ground><name>Floor</name></ground>
+    <rigidBody><name>Tub</name><mass>3</mass>{MOI}</rigidBody>
+    <rigidBody><name>Drum</name><mass>2</mass>{MOI}</rigidBody></bodies>
+  <joints><revolute><name>Bearing</name>
+    <parent><name>Tub</name><axis><z>1</z></axis></parent>
+    <child><name>Drum</name></child></revolute></joints>
+  <loads>
+    <springDamper><name>Spring</name>
+      <parent><name>Floor</name><position><x>2</x><y>1</y></position></parent>
+      <child><name>Tub</name><position><x>2</x></position></child>
+      <stiffness>50</stiffness><damping>0</damping><freeLength>0.5</freeLength></springDamper>
+    <actuator><name>Motor</name><joint>Bearing</joint><coordinate>angle</coordinate>
+      <expression>5</expression></actuator>
+  </loads></system>
+  <simulation><deltaT>0.01</deltaT><tFinal>0.1</tFinal></simulation></data>"""
+
+
+def test_a_torque_acts_equally_on_both_bodies_whatever_else_acts_on_one(tmp_path):
+    """The length by which equations are scaled is that of the spring's arm on one body alone."""
+    msahl.load(DRUM.encode()).run(scheme="gauss3", error="off").write(tmp_path / "run")
+    (instant,) = instants_of(read_run(tmp_path / "run"), [0.1])
+    moments = {load.body: load.moment for load in instant.loads if load.element == "Motor"}
+    assert moments["Drum"] == pytest.approx([0.0, 0.0, 5.0], abs=1e-14)  # round-off
+    assert moments["Tub"] == pytest.approx([0.0, 0.0, -5.0], abs=1e-14)
+
+
 def points(body):
     """Six equal masses with the mass, mass centre and inertia of a body: (6, 3) [m]."""
     second = 0.5 * np.trace(body.inertia) * np.eye(3) - np.array(body.inertia)

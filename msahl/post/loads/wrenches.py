@@ -81,6 +81,7 @@ class _Part:
         signals = run.others.get("signals")
         names = [state.name for state in model.states]
         self._auxiliary = signals[names].to_numpy() if signals is not None and names else None
+        self._mass = [body.mass for body in model.bodies]
         self._row = -1
 
     def go_to(self, row: int) -> None:
@@ -100,6 +101,15 @@ class _Part:
         self.call(evaluate.prepare, self.system, self.state, self.start)
         self.call(evaluate.free_acceleration, self.system, self.state, self.start, Z, rows)
         return rows
+
+    def on_bodies(self, rows: np.ndarray) -> np.ndarray:
+        """Return forces [N] and moments [N m] on the bodies, (2, bodies, 3), of ``rows`` of the
+        equations (nodes, 3). The length of a body, by which its rows are scaled, depends on the
+        loads that the system has."""
+        frames, f = self.system.frames, self.system.bodies.frame
+        mass = np.array(self._mass)[:, None]
+        moments = mass * frames.length[f, None] * rows[frames.rotation[f]]
+        return np.array([mass * rows[frames.displacement[f]], moments])
 
 
 class BodyLoads:
@@ -169,26 +179,24 @@ class BodyLoads:
                 node = column[block] - first
                 if system.multipliers.element[node] == k:
                     rows[row[block]] -= values[block] @ multipliers[node]
-            yield from self._wrenches(element, REACTION, rows, R)
+            yield from self._wrenches(element, REACTION, self._all.on_bodies(rows), R)
 
     def _applied(self, R: np.ndarray) -> Iterator[Wrench]:
         """Yield the applied loads: by what each adds to the forces without loads."""
-        without = self._none.forces()
-        first = first_multiplier(self._all.system.frames)
+        without = self._none.on_bodies(self._none.forces())
         reaction = self._all.state.reaction
         for load, part in zip(self.model.loads, self._each, strict=True):
             part.state.reaction[:] = reaction
-            yield from self._wrenches(load, LOAD, (part.forces() - without)[:first], R)
+            yield from self._wrenches(load, LOAD, part.on_bodies(part.forces()) - without, R)
 
     def _wrenches(
-        self, element: Any, kind: str, rows: np.ndarray, R: np.ndarray
+        self, element: Any, kind: str, forces: np.ndarray, R: np.ndarray
     ) -> Iterator[Wrench]:
-        """Yield the loads of an element on bodies from rows of forces by mass (nodes, 3)."""
+        """Yield the loads of an element from forces and moments on the bodies (2, bodies, 3)."""
         system, state = self._all.system, self._all.state
         for b, body in enumerate(self.model.bodies):
             f = system.bodies.frame[b]
-            F = body.mass * rows[system.frames.displacement[f]]
-            M = body.mass * system.frames.length[f] * rows[system.frames.rotation[f]]
+            F, M = forces[:, b]
             place = next((p for p in self._places[element.name] if p.body == body.name), None)
             if place is None or not (F.any() or M.any()):
                 continue

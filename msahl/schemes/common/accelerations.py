@@ -266,10 +266,15 @@ def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: i
 
 
 def solve_least(instant: Instant) -> None:
-    """Solve as ``solve`` if the matrix is singular: the least forces of redundant constraints."""
+    """Solve as ``solve`` if the matrix is singular: the least forces of redundant constraints; nan
+    where numbers went beyond what a computer holds, as the solution of a regular matrix is.
+    """
     free, size = instant.unknowns.free, instant.unknowns.free.size
     A = np.zeros(size * size)
     A[instant.unknowns.dense_to] = instant.values[instant.unknowns.dense_from]
     right = instant.rows.reshape(-1)[free]
-    least = np.linalg.lstsq(A.reshape(size, size), right, rcond=INDEPENDENT)[0]
+    if np.isfinite(A).all() and np.isfinite(right).all():
+        least = np.linalg.lstsq(A.reshape(size, size), right, rcond=INDEPENDENT)[0]
+    else:
+        least = np.full(size, np.nan)
     instant.solution.reshape(-1)[free] = least

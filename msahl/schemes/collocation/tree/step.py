@@ -333,15 +333,16 @@ def correct(tree: TreeStages, weight: np.ndarray, h: float) -> float:
 
 @kernel
 def speed_of_loads(tree: TreeStages, h: float) -> float:
-    """Largest change of a body's velocity by its load within the step, at its first node [m/s]:
-    where loads balance, rates are known no better than the round-off of this.
+    """Largest change of a velocity by a body's load within the step, at its first node [m/s]: where
+    loads balance, rates are known no better than the round-off of this. A load moves the bodies
+    beyond its own as well: those between the joints of one link may have hardly any mass.
     """
     loads, g, largest = tree.motion.load, tree.tree.gravity, 0.0
     for b in range(1, tree.tree.frame.size):
         force = 0.0
         for c in range(3):
             force += abs(loads[6 * b + 3 + c, 0] + tree.tree.mass[b] * g[c])
-        largest = max(largest, force / tree.tree.mass[b])
+        largest = max(largest, force / tree.motion.composite[10 * b, 0])
     return h * largest
 
 
