@@ -16,6 +16,7 @@ its axes.
         "colour": "#rrggbb",                 # of its name, path and shapes without a colour
         "shapes": [Shape],
         "beam": int or null,                 # of a node of a beam: its place in ``beams``
+        "hidden": bool,                      # carries amplitudes or mass of an elastic body
       }],
       "beams": [{                            # outlines swept along their nodes
         "name": str,

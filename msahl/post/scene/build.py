@@ -100,7 +100,7 @@ def _body_entries(
     model: Model, poses: Sequence[list[float]], shapes: dict[int, list[Shape]]
 ) -> list[Entry]:
     """Return the bodies."""
-    beam_of = node_beams(model)
+    beam_of, hidden = node_beams(model), model.hidden
     return [
         {
             "name": record.name,
@@ -110,6 +110,7 @@ def _body_entries(
             "colour": _colour(shapes[index], index),
             "shapes": shapes[index],
             "beam": beam_of.get(record.name),
+            "hidden": record.name in hidden,
         }
         for index, record in enumerate(model.bodies)
     ]

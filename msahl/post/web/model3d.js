@@ -48,6 +48,7 @@ export class Model3d {
       drawn.userData = made.userData;
       made.add(drawn);
     }
+    if (body.hidden) return made;
     const axes = axesObject((body.beam === null ? 0.09 : 0.03) * this.scene.size, this.look);
     axes.userData.isFrame = true;
     axes.visible = false;
@@ -72,8 +73,8 @@ export class Model3d {
     this.dots.forEach((dot, index) => {
       this.pointOf(index, this.scene.bodies[index].centre, dot.position);
       const size = DOT * camera.position.distanceTo(dot.position);
-      const isNode = this.scene.bodies[index].beam !== null; // whose beam is drawn
-      dot.visible = !isNode && this.bodies[index].visible && this.radii[index].radius < size;
+      const { beam, hidden } = this.scene.bodies[index]; // of a node its beam is drawn
+      dot.visible = beam === null && !hidden && this.bodies[index].visible && this.radii[index].radius < size;
       dot.scale.setScalar(size);
     });
   }

@@ -10,7 +10,7 @@ export function buildTree(viewer) {
     make("div", { class: "panel-head" }, make("h2", { text: "Model" }),
       iconButton("close", "Close", () => viewer.setPanel("tree", false), { class: "plain" })),
     switches(viewer),
-    section("Bodies", scene.bodies.map((body, index) => body.beam === null && bodyRow(viewer, body, index)).filter(Boolean)),
+    section("Bodies", scene.bodies.map((body, index) => body.beam === null && !body.hidden && bodyRow(viewer, body, index)).filter(Boolean)),
     section("Beams", scene.beams.map((beam) => row(viewer, "body", beam.name, `${beam.nodes.length} nodes`))),
     colouring(viewer),
     section("Joints", scene.joints.map((joint) => row(viewer, "joint", joint.name, joint.kind))),

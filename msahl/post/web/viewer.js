@@ -295,6 +295,7 @@ export class Viewer {
 
   // Whether a body's path is among those that are shown together: of a beam that of its last node.
   hasPath(of, body) {
+    if (of.hidden) return false;
     return of.beam === null || body === this.models[0].scene.beams[of.beam].nodes.at(-1);
   }
 
