@@ -55,7 +55,8 @@ def read_elastic_body(element: Element, reader: Reader) -> BuiltElasticBody:
         return NOTHING
     with np.errstate(all="ignore"):
         body, bodies = build_elastic_body(parts, start)
-    body = replace(body, shows_all=is_true(element, "allBodies"))
+    shows_all, file = is_true(element, "allBodies"), attribute(element, "file")
+    body = replace(body, shows_all=shows_all, file=file)
     bodies = _moved(element, bodies, reader)
     reader.add(element, elastic_findings(body, {one.name for one in bodies}))
     for one in bodies:
@@ -193,6 +194,8 @@ def _moved(
 def write_elastic_body(element: Element, body: ElasticBody, bodies: Sequence[RigidBody]) -> None:
     """Write an ``<elasticBody>`` with all its numbers; ``bodies`` are the frame and followers."""
     child(element, "name", body.name)
+    if body.file:
+        element.set("file", body.file)
     if body.shows_all:
         element.set("allBodies", "true")
     modes = child(element, "modes")

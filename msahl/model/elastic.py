@@ -50,6 +50,7 @@ class Square:
 class ElasticBody:
     """The modes of the body ``name``: ``stiffness`` [N/m] and ``damping`` [N s/m] of each
     amplitude, whose elastic energy is stiffness a^2/2; ``squares`` with geometric stiffening.
+    ``file`` is that of msahl reduce, from the folder of the deck, which has what views draw.
     Tables and views show the frame and the nodes of the interface, or ``shows_all`` bodies.
     """
 
@@ -59,6 +60,7 @@ class ElasticBody:
     damping: tuple[float, ...]
     squares: tuple[Square, ...] = ()
     shows_all: bool = False
+    file: str = ""
 
     @property
     def hidden(self) -> tuple[Follower, ...]:

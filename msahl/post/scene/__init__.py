@@ -33,6 +33,17 @@ its axes.
         "strain": [[6], ...],                # of the unstressed beam, at every Gauss point
         "stiffness": [[36], ...],            # K, row by row; zero for strains that cannot change
       }],
+      "elastic": [{                          # reduced elastic bodies whose files have a skin
+        "name": str,
+        "frame": int,                        # the body in whose axes its points are
+        "carriers": [[int, int], ...],       # of each amplitude the body and the axis of the frame
+                                             # along which it is the displacement from
+        "rest": [float, ...],                # the place of the body without an amplitude [m]
+        "points": [x, y, z, x, ...],         # of the undeformed skin
+        "shapes": [x, y, z, x, ...],         # by 1 m of each amplitude: of all points
+        "triangles": [int, ...],
+        "colour": "#rrggbb",
+      }],
       "ground": {"names": [str], "shapes": [Shape]},
       "joints": [{                           # joints, then couplings, in the deck's order
         "name": str,

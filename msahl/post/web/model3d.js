@@ -1,6 +1,7 @@
 /* global THREE */
 // One run in three dimensions: its bodies, joints, springs and arrows, moved to the poses of a time.
 import { Beam } from "./beams.js";
+import { Elastic } from "./elastic.js";
 import { axesObject, jointObjects, markerObject, motionObject, turnTo } from "./glyphs.js";
 import { Coil } from "./coil.js";
 import { Damper, drumObject } from "./damper.js";
@@ -25,7 +26,9 @@ export class Model3d {
     this.ground = group(this.root);
     this.bodies = scene.bodies.map((body, index) => this.body(body, index));
     this.beams = scene.beams.map((entry) => new Beam(entry, look));
-    for (const beam of this.beams) this.root.add(beam.object);
+    this.elastic = scene.elastic.map((entry) => new Elastic(entry, look));
+    this.skins = [...this.beams, ...this.elastic];
+    for (const { object } of this.skins) this.root.add(object);
     for (const shape of scene.ground.shapes) {
       this.ground.add(shapeObject(shape, "#9aa3ad", look));
     }
@@ -88,7 +91,8 @@ export class Model3d {
   show(time) {
     const poses = this.motion.at(time);
     this.bodies.forEach((body, index) => setPose(body, poses, index * WIDTH));
-    for (const beam of this.beams) beam.show(poses);
+    for (const skin of this.skins) skin.show(poses);
+    for (const { object, entry } of this.elastic) object.visible = this.bodies[entry.frame].visible;
     this.root.updateMatrixWorld();
     for (const move of this.movers) move(time);
   }
@@ -113,6 +117,11 @@ export class Model3d {
     return range;
   }
 
+  // Scales the displacements of elastic bodies in their frames.
+  deform(scale) {
+    for (const body of this.elastic) body.scale = scale;
+  }
+
   // Evenly spaced times of the motion.
   times(count) {
     const { motion } = this;
@@ -129,7 +138,8 @@ export class Model3d {
     const { motion, scene } = this;
     this.box = new THREE.Box3();
     this.travel = scene.joints.map(() => [0, 0]);
-    this.radii = this.bodies.map((body, index) => radiusOf(body, scene.beams[scene.bodies[index].beam]));
+    this.radii = this.bodies.map((body, index) =>
+      radiusOf(body, scene.beams[scene.bodies[index].beam], scene.elastic.find(({ frame }) => frame === index)));
     const poses = new THREE.Vector3();
     const sphere = new THREE.Sphere();
     for (const time of this.times(SAMPLES)) {
@@ -259,7 +269,7 @@ export class Model3d {
 
   // Makes bodies translucent, so that what is inside them is seen.
   setSeeThrough(isOn) {
-    for (const body of [...this.bodies, ...this.beams.map((beam) => beam.object)]) {
+    for (const body of [...this.bodies, ...this.skins.map((skin) => skin.object)]) {
       body.traverse((child) => {
         if (!child.material?.isMeshStandardMaterial) return;
         child.material.transparent = isOn || this.look.opacity < 1;
@@ -288,7 +298,7 @@ export class Model3d {
 
   // Objects that the pointer can be over.
   targets() {
-    const all = [...this.bodies, ...this.beams.map((beam) => beam.object), this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
+    const all = [...this.bodies, ...this.skins.map((skin) => skin.object), this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
     return all.filter((part) => part.visible);
   }
 }
@@ -322,7 +332,7 @@ function group(parent) {
 }
 
 // The sphere around a body's shapes, in its axes.
-function radiusOf(body, beam) {
+function radiusOf(body, beam, elastic) {
   const box = new THREE.Box3();
   for (const child of body.children) {
     if (child.userData.isFrame) continue;
@@ -332,6 +342,9 @@ function radiusOf(body, beam) {
   }
   for (const outline of beam?.outlines ?? []) {
     for (let i = 0; i < outline.length; i += 2) box.expandByPoint(new THREE.Vector3(0, outline[i], outline[i + 1]));
+  }
+  for (let i = 0; i < (elastic?.points.length ?? 0); i += 3) {
+    box.expandByPoint(new THREE.Vector3(...elastic.points.slice(i, i + 3)));
   }
   if (box.isEmpty()) box.setFromCenterAndSize(new THREE.Vector3(), new THREE.Vector3());
   return box.getBoundingSphere(new THREE.Sphere());

@@ -321,6 +321,12 @@ export class Viewer {
     return range;
   }
 
+  // Draws the deformation of reduced elastic bodies larger than it is.
+  deform(scale) {
+    for (const model of this.models) model.deform(scale);
+    this.invalidate();
+  }
+
   setArrowScale(scale) {
     for (const arrows of this.arrows) arrows.scale = scale;
     this.invalidate();
@@ -435,6 +441,8 @@ function probe(viewer) {
     // Poses [x, y, z, w, x, y, z] of all bodies of a run as they are drawn.
     poses: (run = 0) =>
       viewer.models[run].bodies.map(({ position: p, quaternion: q }) => [p.x, p.y, p.z, q.w, q.x, q.y, q.z]),
+    // Points of the skin of an elastic body as it is drawn, in its frame.
+    skin: (number = 0, run = 0) => Array.from(viewer.models[run].elastic[number].object.geometry.attributes.position.array),
   });
 }
 
