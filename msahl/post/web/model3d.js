@@ -26,7 +26,8 @@ export class Model3d {
     this.ground = group(this.root);
     this.bodies = scene.bodies.map((body, index) => this.body(body, index));
     this.beams = scene.beams.map((entry) => new Beam(entry, look));
-    this.elastic = scene.elastic.map((entry) => new Elastic(entry, look));
+    // Scenes of stored motions may be older than elastic bodies.
+    this.elastic = (scene.elastic ?? []).map((entry) => new Elastic(entry, look));
     this.skins = [...this.beams, ...this.elastic];
     for (const { object } of this.skins) this.root.add(object);
     for (const shape of scene.ground.shapes) {
@@ -139,7 +140,7 @@ export class Model3d {
     this.box = new THREE.Box3();
     this.travel = scene.joints.map(() => [0, 0]);
     this.radii = this.bodies.map((body, index) =>
-      radiusOf(body, scene.beams[scene.bodies[index].beam], scene.elastic.find(({ frame }) => frame === index)));
+      radiusOf(body, scene.beams[scene.bodies[index].beam], scene.elastic?.find(({ frame }) => frame === index)));
     const poses = new THREE.Vector3();
     const sphere = new THREE.Sphere();
     for (const time of this.times(SAMPLES)) {

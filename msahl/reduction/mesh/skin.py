@@ -13,6 +13,8 @@ FACES = {
     8: ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
 """Faces of tetrahedra and hexahedra by their corners in the order of VTK, seen from outside."""
+SAME = 1e-9
+"""Distance of points that are one, by the size of the mesh."""
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 """Corners of a rectangle along d_2 and d_3, counterclockwise about d_1."""
 
@@ -74,4 +76,18 @@ def _of_beams(
     ends = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
     faces = np.concatenate([sides, ends])
     triangles = (faces + 8 * np.arange(len(nodes))[:, None, None]).reshape(-1, 3)
-    return Skin(points.reshape(-1, 3), moved.reshape(-1, 3, shapes.shape[2]), triangles)
+    return _welded(Skin(points.reshape(-1, 3), moved.reshape(-1, 3, shapes.shape[2]), triangles))
+
+
+def _welded(skin: Skin) -> Skin:
+    """Return the skin with points once that are the same, and without faces inside, which two
+    elements in one line have in common."""
+    size = np.ptp(skin.places, axis=0).max()
+    _, first, index = np.unique(
+        np.rint(skin.places / (SAME * size)), axis=0, return_index=True, return_inverse=True
+    )
+    triangles = index.ravel()[skin.triangles]
+    _, at, count = np.unique(
+        np.sort(triangles, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    return Skin(skin.places[first], skin.shapes[first], triangles[count[at.ravel()] == 1])
