@@ -357,7 +357,8 @@ def shown_rows(model: Model) -> np.ndarray:
 def shape_parts(point: Point, found: Modes) -> np.ndarray:
     """(m, ...) the parts of all shapes, of the bodies that are shown and of auxiliary states."""
     shown = found.shape[:, shown_rows(point.model)]
-    return np.concatenate([shown.reshape(len(shown), -1), found.states], axis=1)
+    m, n, width = shown.shape
+    return np.concatenate([shown.reshape(m, n * width), found.states], axis=1)
 
 
 def shape_rows(point: Point, found: Modes) -> np.ndarray:
