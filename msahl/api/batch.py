@@ -24,9 +24,10 @@ from msahl.api.running import at_start
 from msahl.api.worker import EndedError, Outcome, outcome_of, receive, send
 from msahl.jit.compiled import prepare
 from msahl.results.job import Job
+from msahl.run.hidden_bodies import shown_tables
 from msahl.run.options import Choice, OptionError
 from msahl.run.setup import build_setup
-from msahl.run.tables import ERROR, tables_of_model
+from msahl.run.tables import ERROR
 from msahl.start.velocities import StartError
 from msahl.subprocesses import cores, end_worker, start_worker
 
@@ -104,7 +105,7 @@ def batch(
     if not isinstance(model, Model):
         raise OptionError([f"model: it is {model!r:.200}; it must be one that msahl.load returns"])
     job = model.job(**options)
-    known = [*tables_of_model(job.model), ERROR]
+    known = [*shown_tables(job.model), ERROR]
     tables = [tables] if isinstance(tables, str) else tables
     for name in () if tables is None else tables:
         if name not in known:
@@ -135,7 +136,7 @@ class _Runs:
         self, model: Model, job: Job, options: RunOptions, tables: Sequence[str] | None
     ) -> None:
         self.model, self.job, self.options, self.tables = model, job, options, tables
-        self.columns = tables_of_model(job.model)
+        self.columns = shown_tables(job.model)
 
     def results(
         self, samples: Iterator[Sample], jobs: int | None, returned: bool, count: int | None

@@ -22,6 +22,7 @@ from msahl.model import Model
 from msahl.records import record
 from msahl.results.job import Job, make_job
 from msahl.results.write import DRIVES, file_name, write_table
+from msahl.run.hidden_bodies import without_hidden
 from msahl.run.options import OptionError, recorded_options
 from msahl.run.tables import ACCELERATIONS, STATES
 
@@ -46,7 +47,8 @@ class InverseResult(Result):
             **report(solution, found, seconds).as_json(),
             "inverse": about(solution),
         }
-        super().__init__(job.model, figures, tables(solution, job.model), job)
+        shown = without_hidden(job.model, tables(solution, job.model))
+        super().__init__(job.model, figures, shown, job)
         self.solution, self._verdict = solution, found
 
     @property

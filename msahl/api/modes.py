@@ -6,8 +6,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from msahl.analysis.equilibria.at import point_at
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.modes.campbell import (
@@ -23,7 +21,7 @@ from msahl.analysis.modes.following import Request
 from msahl.analysis.modes.mode_lines import report
 from msahl.analysis.modes.solution import COLUMNS as MODE_COLUMNS
 from msahl.analysis.modes.solution import Modes as Found
-from msahl.analysis.modes.solution import mode_rows, shape_columns
+from msahl.analysis.modes.solution import mode_rows, shape_columns, shape_parts
 from msahl.analysis.modes.solution import modes as modes_at
 from msahl.api.arguments import require
 from msahl.api.html import html_table
@@ -64,7 +62,7 @@ class Modes:
         found = self._found
         require(mode=(mode, Integer(1, found.value.size)))
         names = [column.removesuffix(".real") for column in shape_columns(self._point)[1::2]]
-        parts = np.concatenate([found.shape[mode - 1].reshape(-1), found.states[mode - 1]])
+        parts = shape_parts(self._point, found)[mode - 1]
         return dict(zip(names, parts.tolist(), strict=True))
 
     def write(self, folder: str | PathLike[str]) -> Path:

@@ -18,10 +18,12 @@ from msahl.results.info import NoColumnError, ResultError
 from msahl.results.job import Job
 from msahl.results.session import write_run
 from msahl.results.write import DECK
+from msahl.run.hidden_bodies import shown_tables, without_hidden
 from msahl.run.options import path_of, recorded_options
 from msahl.run.report import COMPLETED, Report
 from msahl.run.tables import (
     ACCELERATIONS,
+    AMPLITUDES,
     ERROR,
     EVENTS,
     JOINTS,
@@ -33,7 +35,6 @@ from msahl.run.tables import (
     WORK,
     MemorySink,
     error_columns,
-    tables_of_model,
 )
 from msahl.run.verdict import describe_verdict
 
@@ -143,7 +144,7 @@ class Result:
             return error_columns(self.records)
         if table == EVENTS:
             return EVENT_COLUMNS
-        return (self._columns or tables_of_model(self.records))[table]
+        return (self._columns or shown_tables(self.records))[table]
 
     def frame(self, table: str) -> "pd.DataFrame":
         """Return a table as a pandas frame, which shares the memory of ``array(table)``."""
@@ -264,14 +265,15 @@ class Result:
 
     def as_run(self) -> "Run":
         """Return the results as the functions of ``msahl.post`` take them."""
-        from msahl.results.read import Run
+        from msahl.results.read import Run, all_states
 
+        amplitudes = self.frame(AMPLITUDES) if self.records.hidden else None
         own = (STATES, REACTIONS, WORK, ERROR, EVENTS)
         return Run(
             folder=self._origin if isinstance(self._origin, Path) else NOWHERE,
             model=self.records,
             info=self.report,
-            states=self.states,
+            states=all_states(self.records, self.states, amplitudes),
             reactions=self.frame(REACTIONS) if REACTIONS in self._arrays else None,
             work=self.frame(WORK) if WORK in self._arrays else None,
             partial=not self.completed,
@@ -310,7 +312,8 @@ def read(folder: str | PathLike[str]) -> Result:
         run = read_run(path_of(folder))
     except OSError as error:
         raise ResultError(f"{shown_path(folder)}: {error.strerror or error}") from error
-    found = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
+    columns = shown_tables(run.model)[STATES]
+    found = {STATES: run.states[columns], REACTIONS: run.reactions, WORK: run.work, **run.others}
     found |= {ERROR: run.errors, EVENTS: run.events}
     frames = {name: frame for name, frame in found.items() if frame is not None}
     arrays = {name: frame.to_numpy() for name, frame in frames.items()}
@@ -321,7 +324,8 @@ def read(folder: str | PathLike[str]) -> Result:
 
 def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
     """Return the results of a ``job`` whose rows are in the ``sink``."""
-    arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR, EVENTS)}
+    names = (*shown_tables(job.model), ERROR, EVENTS)
+    arrays = without_hidden(job.model, {name: sink.table(name) for name in names})
     kept = {name: array for name, array in arrays.items() if len(array)}
     start = {"start": dict(job.start)} if job.start else {}
     figures = {**start, "options": recorded_options(job.settings), **report.as_json()}

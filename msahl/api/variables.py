@@ -8,7 +8,7 @@ from msahl.model.settable import FIELDS, parameter_of, settable
 from msahl.model.settings import EQUILIBRIUM
 from msahl.records import record
 from msahl.run.column_units import quantity, shown_unit
-from msahl.run.tables import tables_of_model
+from msahl.run.hidden_bodies import shown_tables
 
 PARAMETER, TUNABLE, INPUT, OUTPUT = "parameter", "tunable", "input", "output"
 """Parameters of the deck, which are constant in a run; numbers of loads, which can be set at any
@@ -68,7 +68,7 @@ def _tunable(model: Model) -> list[Variable]:
 
 def _outputs(model: Model) -> list[Variable]:
     """Return the columns, those that several tables have with the table's name before theirs."""
-    tables = tables_of_model(model)
+    tables = shown_tables(model)
     count = Counter(column for columns in tables.values() for column in columns)
     return [
         Variable(

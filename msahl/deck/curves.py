@@ -1,6 +1,6 @@
 """Reader of planar curves: elements -> records."""
 
-from msahl.deck.faults import Element
+from msahl.deck.faults import Element, is_true
 from msahl.deck.values import Reader
 from msahl.model.curves import ARC, SPLINE, STRAIGHT, Curve, CurvePart, Point
 
@@ -11,7 +11,7 @@ def read_curve(element: Element, reader: Reader) -> Curve:
     assert given is not None  # the schema requires it
     first, *rest = given
     parts = tuple(_part(part, reader) for part in rest)
-    return Curve(_point(first, reader), parts, given.get("closed", "false") in ("true", "1"))
+    return Curve(_point(first, reader), parts, is_true(given, "closed"))
 
 
 def _part(element: Element, reader: Reader) -> CurvePart:

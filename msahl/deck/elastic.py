@@ -1,6 +1,7 @@
 """Reader and writer of elastic bodies: elements <-> records of the frame and its followers."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from msahl.check.elastic import elastic_findings
 from msahl.check.faults import LARGEST, number_findings
 from msahl.deck.elastic_files import write_part, write_squares
 from msahl.deck.elements import child, numbers
-from msahl.deck.faults import Element, attribute, text
+from msahl.deck.faults import Element, attribute, is_true, text
 from msahl.deck.states import with_states
 from msahl.deck.values import Reader
 from msahl.model.bodies import RigidBody
@@ -54,6 +55,8 @@ def read_elastic_body(element: Element, reader: Reader) -> BuiltElasticBody:
         return NOTHING
     with np.errstate(all="ignore"):
         body, bodies = build_elastic_body(parts, start)
+    shows_all, file = is_true(element, "allBodies"), attribute(element, "file")
+    body = replace(body, shows_all=shows_all, file=file)
     bodies = _moved(element, bodies, reader)
     reader.add(element, elastic_findings(body, {one.name for one in bodies}))
     for one in bodies:
@@ -102,7 +105,9 @@ def _parts(modes: Element, name: str, reader: Reader) -> Parts | None:
         reader.faults.add(modes, f"a number is too large; numbers go up to {LARGEST:g}")
         return None
     names = [f"{name}.{attribute(e, 'name')}" for e in modes.iterfind("follower")]
-    parts = [_part(name, rows[0][0], n), *map(_part, names, rows[1], [n] * len(names))]
+    nodes = [is_true(e, "interface") for e in modes.iterfind("follower")]
+    parts = [_part(name, rows[0][0], n)]
+    parts += map(_part, names, rows[1], [n] * len(names), nodes)
     squares = _squares(pairs)
     if squares is None or least_followers(q, squares) > len(names):
         reader.faults.add(modes, "squares and followers do not fit together; correct them")
@@ -122,11 +127,11 @@ def _values(modes: Element, tag: str) -> list[np.ndarray]:
     return [np.array(text(e).split(), dtype=float) for e in modes.iterfind(tag)]
 
 
-def _part(name: str, row: np.ndarray, q: int) -> Part:
+def _part(name: str, row: np.ndarray, q: int, is_node: bool = False) -> Part:
     shapes = np.zeros(6 * q)
     shapes[: row.size - FRAME] = row[FRAME:]
     shape, rotation = shapes.reshape(2, 3, q)
-    return Part(name, float(row[0]), float(row[1]), row[2:FRAME], shape, rotation)
+    return Part(name, float(row[0]), float(row[1]), row[2:FRAME], shape, rotation, is_node)
 
 
 def _damping(element: Element, parts: Parts, reader: Reader) -> np.ndarray:
@@ -189,6 +194,10 @@ def _moved(
 def write_elastic_body(element: Element, body: ElasticBody, bodies: Sequence[RigidBody]) -> None:
     """Write an ``<elasticBody>`` with all its numbers; ``bodies`` are the frame and followers."""
     child(element, "name", body.name)
+    if body.file:
+        element.set("file", body.file)
+    if body.shows_all:
+        element.set("allBodies", "true")
     modes = child(element, "modes")
     numbers(modes, "stiffness", body.stiffness)
     numbers(modes, "damping", body.damping)
@@ -210,5 +219,6 @@ def _parts_of(body: ElasticBody, bodies: Sequence[RigidBody]) -> Iterator[Part]:
     yield Part("", frame.mass, frame.inertia[0][0], np.array(frame.r_BG), nothing, nothing)
     for one, follower in zip(others, body.followers, strict=True):
         name = follower.body.removeprefix(f"{body.name}.")
-        arrays = map(np.array, (follower.place, follower.shape, follower.rotation))
-        yield Part(name, one.mass, one.inertia[0][0], *arrays)
+        place, shape, rotation = map(np.array, (follower.place, follower.shape, follower.rotation))
+        inertia, is_node = one.inertia[0][0], follower.is_node
+        yield Part(name, one.mass, inertia, place, shape, rotation, is_node)

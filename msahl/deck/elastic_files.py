@@ -12,7 +12,7 @@ import numpy as np
 
 from msahl.check.names import FORBIDDEN
 from msahl.deck.elements import child, numbers
-from msahl.deck.faults import DeckError, Element, Faults, attribute
+from msahl.deck.faults import DeckError, Element, Faults, attribute, is_true
 from msahl.deck.parse import read_bytes
 from msahl.model.elastic import Square
 from msahl.reduction.body import ReducedBody, read_body_bytes
@@ -32,7 +32,7 @@ def read_elastic_file(element: Element, path: Path, data: bytes | None, faults: 
     try:
         data = read_bytes(path, own) if data is None else data
         body = read_body_bytes(str(path), data)
-        stiffening = attribute(element, "stiffening") in ("true", "1")
+        stiffening = is_true(element, "stiffening")
         problem = _problem(body, stiffening)
         if not problem:
             _write_modes(element, _short(parts_of("", body, stiffening)))
@@ -93,6 +93,8 @@ def write_part(modes: Element, part: Part) -> None:
     values = [part.mass, part.inertia, *part.place]
     if part.name:
         values += [*part.shape.ravel(), *(part.rotation.ravel() if part.rotation.any() else ())]
-    numbers(modes, "follower" if part.name else "frame", values).attrib.update(
-        {"name": part.name} if part.name else {}
-    )
+    written = numbers(modes, "follower" if part.name else "frame", values)
+    if part.name:
+        written.set("name", part.name)
+    if part.is_node:
+        written.set("interface", "true")

@@ -187,6 +187,11 @@ def attribute(element: Element, name: str, default: str = "") -> str:
     return default if given is None else collapsed(given)
 
 
+def is_true(element: Element, name: str) -> bool:
+    """Return whether an attribute that is true or false is true; without it, it is not."""
+    return attribute(element, name) in ("true", "1")
+
+
 def _fit(part: str) -> str:
     """Return a part of a message as it may be shown: printable, and of bounded length."""
     if len(part) > LONGEST:

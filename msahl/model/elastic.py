@@ -27,13 +27,14 @@ AXES = 3
 class Follower:
     """A rigid body that follows a frame: ``place`` x of its point B from the frame's [m], in the
     axes of the frame; ``shape`` phi [m/m] and ``rotation`` theta [1/m], rows x, y, z by amplitudes
-    and squares.
+    and squares. A node of the interface is one ``is_node``; others do not rotate in the frame.
     """
 
     body: str
     place: Vector
     shape: Rows
     rotation: Rows
+    is_node: bool = False
 
 
 @record
@@ -49,6 +50,8 @@ class Square:
 class ElasticBody:
     """The modes of the body ``name``: ``stiffness`` [N/m] and ``damping`` [N s/m] of each
     amplitude, whose elastic energy is stiffness a^2/2; ``squares`` with geometric stiffening.
+    ``file`` is that of msahl reduce, from the folder of the deck, which has what views draw.
+    Tables and views show the frame and the nodes of the interface, or ``shows_all`` bodies.
     """
 
     name: str
@@ -56,6 +59,13 @@ class ElasticBody:
     stiffness: tuple[float, ...]
     damping: tuple[float, ...]
     squares: tuple[Square, ...] = ()
+    shows_all: bool = False
+    file: str = ""
+
+    @property
+    def hidden(self) -> tuple[Follower, ...]:
+        """The followers that tables and views do not show: those that carry amplitudes and mass."""
+        return () if self.shows_all else tuple(f for f in self.followers if not f.is_node)
 
     @property
     def carriers(self) -> int:
@@ -89,8 +99,8 @@ class ElasticBody:
 
 
 def node_places(body: ElasticBody) -> list[Vector]:
-    """Return where the nodes of the interface are in the frame [m]: what follows it and rotates."""
-    return [one.place for one in body.followers if any(map(any, one.rotation))]
+    """Return where the nodes of the interface are in the frame [m]."""
+    return [one.place for one in body.followers if one.is_node]
 
 
 def least_followers(amplitudes: int, squares: tuple[Square, ...]) -> int:

@@ -88,6 +88,18 @@ class Model:
         return tuple(side for contact in self.compliant_contacts for side in sides_of(contact))
 
     @property
+    def hidden(self) -> Mapping[str, str]:
+        """The elastic body of each rigid body that tables and views do not show, by name."""
+        elastic = self.elastic_bodies
+        return {follower.body: body.name for body in elastic for follower in body.hidden}
+
+    @property
+    def shown_bodies(self) -> tuple[RigidBody, ...]:
+        """The bodies that tables and views show, in their order."""
+        hidden = self.hidden
+        return tuple(b for b in self.bodies if b.name not in hidden) if hidden else self.bodies
+
+    @property
     def switched(self) -> frozenset[str]:
         """Names of the joints, couplings, motions and contacts that do not always act."""
         named = (name for event in self.events for name in event.elements)

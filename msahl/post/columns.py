@@ -11,12 +11,14 @@ from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
 from msahl.results.write import DRIVES
 from msahl.run.column_units import TIME, Quantity, quantity
+from msahl.run.hidden_bodies import shown_tables
 from msahl.run.tables import ERROR, REACTIONS, STATES, WORK
 
 
 def tables(run: Run) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield name and content of every table of a run."""
-    parts = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, ERROR: run.errors}
+    shown = run.states[shown_tables(run.model)[STATES]] if run.model.hidden else run.states
+    parts = {STATES: shown, REACTIONS: run.reactions, WORK: run.work, ERROR: run.errors}
     for name, table in {**parts, **run.others, DRIVES: run.drives}.items():
         if table is not None:
             yield name, table

@@ -12,7 +12,8 @@ import pandas as pd
 from msahl.post.graph_data import Graph
 from msahl.results.read import Run
 from msahl.run.column_units import QUANTITIES, SIGNAL, Quantity, quantity
-from msahl.run.tables import MARKERS, SIGNALS, SYSTEM
+from msahl.run.tables import AMPLITUDES, MARKERS, SIGNALS, SYSTEM
+from msahl.system.names import AMPLITUDE
 
 AXES = "xyz"
 MOST_GRAPHS = 12
@@ -53,6 +54,14 @@ def marker_graphs(run: Run) -> tuple[list[Graph], str]:
     if table is None:
         return [], "the model has no markers"
     return _graphs(run, table, list(table.columns[1:]))
+
+
+def amplitude_graphs(run: Run) -> tuple[list[Graph], str]:
+    """Return the graphs of the amplitudes of elastic bodies."""
+    table = run.others.get(AMPLITUDES)
+    if table is None:
+        return [], "the model has no reduced elastic bodies"
+    return _graphs(run, table, [name for name in table.columns if name.endswith(AMPLITUDE)])
 
 
 def group_graphs(run: Run) -> tuple[list[Graph], str]:

@@ -201,16 +201,21 @@ def compute_metrics(run: Run) -> Metrics:
     observed = observe(run, work.visit if work else lambda part, history: None)
     energy = Energy(
         run.time,
-        tuple(body.name for body in run.model.bodies),
-        observed.linear,
-        observed.rotational,
-        observed.potential,
+        tuple(body.name for body in run.model.shown_bodies),
+        _of_shown(run.model, observed.linear),
+        _of_shown(run.model, observed.rotational),
+        _of_shown(run.model, observed.potential),
         loads.work.sum(axis=1),
         observed.elastic,
     )
     names = element_names(run.model)
     constraints = Constraints(
-        run.time, names, observed.violation, observed.rate, observed.length, _speed(run, energy)
+        run.time,
+        names,
+        observed.violation,
+        observed.rate,
+        observed.length,
+        _speed(run, observed.linear),
     )
     found = work.found if work else None
     return Metrics(energy, loads, constraints, found, reactions, len(run.model.joints))
@@ -221,10 +226,23 @@ def element_names(model: Model) -> tuple[str, ...]:
     return tuple(element.name for element in model.constrained)
 
 
-def _speed(run: Run, energy: Energy) -> float:
-    """Return the largest speed of a mass centre [m/s]."""
+def _of_shown(model: Model, values: np.ndarray) -> np.ndarray:
+    """Return values (m, bodies) of the bodies that are shown: of an elastic body's frame with those
+    of the bodies that carry its amplitudes and mass."""
+    hidden = model.hidden
+    if not hidden:
+        return values
+    place = {body.name: k for k, body in enumerate(model.shown_bodies)}
+    result = np.zeros((len(values), len(place)))
+    for b, body in enumerate(model.bodies):
+        result[:, place[hidden.get(body.name, body.name)]] += values[:, b]
+    return result
+
+
+def _speed(run: Run, linear: np.ndarray) -> float:
+    """Return the largest speed of a mass centre [m/s], by kinetic energies [J] (m, bodies)."""
     mass = np.array([body.mass for body in run.model.bodies])
-    return float(np.sqrt(2.0 * energy.linear / mass).max())
+    return float(np.sqrt(2.0 * linear / mass).max())
 
 
 def _loads(run: Run) -> LoadWork:

@@ -10,6 +10,7 @@ import numpy as np
 
 from msahl.joints.coordinates import ORIENTATION, SUFFIXES, coordinates, is_angle
 from msahl.post.defined_graphs import (
+    amplitude_graphs,
     drive_graphs,
     group_graphs,
     marker_graphs,
@@ -43,7 +44,7 @@ class Choice:
 
 def chosen_bodies(run: Run, choice: Choice) -> list[str]:
     """Return the names of the bodies to draw. Raises ``ResultError`` if one is not in the model."""
-    names = tuple(body.name for body in run.model.bodies)
+    names = tuple(body.name for body in run.model.shown_bodies)
     inner = set() if choice.bodies else _inner_nodes(run)
     picked = _pick("body", names, choice.bodies)
     return [names[i] for i in picked if names[i] not in inner]
@@ -236,6 +237,7 @@ GRAPHS: dict[str, Callable[[Run, Metrics, Choice], Group]] = {
     "signals": _defined("Actuators and signals", signal_graphs),
     "markers": _defined("Markers", marker_graphs),
     "groups": _defined("Groups of bodies", group_graphs),
+    "amplitudes": _defined("Amplitudes of elastic bodies", amplitude_graphs),
     "joints": _joints,
     "positions": _positions,
     "reactions": _reactions,

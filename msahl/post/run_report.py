@@ -52,7 +52,7 @@ from msahl.results.sample import sample_run
 from msahl.run.verdict import describe_reactions
 
 HISTORIES = (
-    *("drives", "signals", "markers", "groups", "joints"),
+    *("drives", "signals", "markers", "groups", "amplitudes", "joints"),
     *("positions", "reactions", "energy"),
 )
 ERRORS = ("error", "constraints", "work")

@@ -14,9 +14,12 @@ import numpy as np
 from msahl.reduction.arrays import arrays_of, read_arrays
 from msahl.reduction.faults import ReductionError
 from msahl.reduction.invariants import Invariants
+from msahl.reduction.skin import Skin
 from msahl.reduction.stiffening import Stiffening
 
 FORMAT = "msahl elastic body 1"
+PARTS = {"invariants": "invariant", "stiffening": "stiffening", "skin": "skin"}
+"""Fields of a body that are records, and what the names of their arrays begin with."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,6 +44,7 @@ class ReducedBody:
     static_residual: float
     invariants: Invariants
     stiffening: Stiffening | None = None
+    skin: Skin | None = None
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -52,10 +56,10 @@ class ReducedBody:
 def body_bytes(body: ReducedBody) -> bytes:
     """Return the contents of the file of a body."""
     arrays = {one.name: getattr(body, one.name) for one in fields(body)}
-    invariants, stiffening = arrays.pop("invariants"), arrays.pop("stiffening")
-    arrays |= {f"invariant_{one.name}": getattr(invariants, one.name) for one in fields(invariants)}
-    if stiffening is not None:
-        arrays |= {f"stiffening_{k.name}": getattr(stiffening, k.name) for k in fields(stiffening)}
+    for name, prefix in PARTS.items():
+        part = arrays.pop(name)
+        if part is not None:
+            arrays |= {f"{prefix}_{one.name}": getattr(part, one.name) for one in fields(part)}
     stream = io.BytesIO()
     np.savez_compressed(stream, format=np.array(FORMAT), **arrays)
     return stream.getvalue()
@@ -79,13 +83,16 @@ def _of_arrays(path: Path, arrays: dict[str, np.ndarray]) -> ReducedBody:
         own = {
             one.name: _taken(arrays, one.name)
             for one in fields(ReducedBody)
-            if one.name not in ("invariants", "stiffening")
+            if one.name not in PARTS
         }
     except KeyError as error:
         raise ReductionError(str(path), f"{error.args[0]} is missing; make it again") from None
     _check_shapes(path, own, taken)
     return ReducedBody(
-        **own, invariants=Invariants(**taken), stiffening=_stiffening(path, arrays, own)
+        **own,
+        invariants=Invariants(**taken),
+        stiffening=_stiffening(path, arrays, own),
+        skin=_skin(path, arrays, np.size(own["eigenvalues"])),
     )
 
 
@@ -104,6 +111,20 @@ def _stiffening(
             raise ReductionError(str(path), text)
     moment, interface = (arrays[f"stiffening_{name}"] for name in names)
     return Stiffening(moment, interface)
+
+
+def _skin(path: Path, arrays: dict[str, np.ndarray], q: int) -> Skin | None:
+    """Return the skin of a file, None of one that has none."""
+    found = [arrays.get(f"skin_{one.name}") for one in fields(Skin)]
+    if any(array is None for array in found):
+        return None
+    places, shapes, triangles = (np.asarray(array) for array in found)
+    s = len(places) if places.ndim else 0
+    fits = places.shape == (s, 3) and shapes.shape == (s, 3, q) and triangles.shape[1:] == (3,)
+    numbers = triangles.dtype.kind in "iu" and not np.any((triangles < 0) | (triangles >= s))
+    if not (fits and numbers and np.isfinite(places).all() and np.isfinite(shapes).all()):
+        raise ReductionError(str(path), "the arrays of its skin do not fit together; make it again")
+    return Skin(places, shapes, triangles)
 
 
 def _taken(arrays: dict[str, np.ndarray], name: str) -> Any:

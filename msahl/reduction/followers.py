@@ -27,6 +27,7 @@ class Part(NamedTuple):
     place: np.ndarray
     shape: np.ndarray
     rotation: np.ndarray
+    is_node: bool = False
 
 
 class Parts(NamedTuple):
@@ -76,7 +77,7 @@ def parts_of(name: str, body: ReducedBody, stiffening: bool = False) -> Parts:
         )
         numbers = tuple(map(Square, squares.arguments, factor.tolist()))
     bodies = [
-        part
+        part._replace(is_node=one is found.nodes)
         for (names, one), *more in zip(groups, seconds, rotated, strict=True)
         for part in _parts(names, one, more, body.centre)
     ]
@@ -118,7 +119,8 @@ def build_elastic_body(parts: Parts, start: Start) -> tuple[ElasticBody, tuple[R
     body = ElasticBody(
         frame.name,
         tuple(
-            Follower(p.name, _vector(p.place), _rows(p.shape), _rows(p.rotation)) for p in followers
+            Follower(p.name, _vector(p.place), _rows(p.shape), _rows(p.rotation), p.is_node)
+            for p in followers
         ),
         tuple(parts.stiffness.tolist()),
         tuple(parts.damping.tolist()),

@@ -20,7 +20,17 @@ from msahl.results.checksums import altered
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, DRIVES, PART, file_name
-from msahl.run.tables import ERROR, EVENTS, REACTIONS, STATES, WORK, error_columns, tables_of_model
+from msahl.run.hidden_bodies import shown_tables, with_hidden
+from msahl.run.tables import (
+    AMPLITUDES,
+    ERROR,
+    EVENTS,
+    REACTIONS,
+    STATES,
+    WORK,
+    error_columns,
+    tables_of_model,
+)
 from msahl.run.verdict import FAIL
 
 __all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
@@ -87,7 +97,7 @@ def read_run(folder: Path) -> Run:
     is no run, ``DeckError`` if its deck is not valid.
     """
     model, info = read_model(folder), _judged(folder, read_info(folder))
-    columns = {file_name(name): head for name, head in tables_of_model(model).items()}
+    columns = {file_name(name): head for name, head in shown_tables(model).items()}
     paths = {name: require_table(folder, name) for name in columns}
     tables = {name: _table(paths[name], header) for name, header in columns.items()}
     rows = _count_rows(folder, paths, tables, info)
@@ -97,7 +107,7 @@ def read_run(folder: Path) -> Run:
         folder=folder,
         model=model,
         info=info,
-        states=tables[STATES_FILE],
+        states=all_states(model, tables[STATES_FILE], tables.get(file_name(AMPLITUDES))),
         reactions=tables.get(file_name(REACTIONS)),
         work=tables.get(file_name(WORK)),
         others={
@@ -110,6 +120,14 @@ def read_run(folder: Path) -> Run:
         drives=_drives(folder, tables[STATES_FILE]["time"].to_numpy(), info),
         events=read_events(folder, model),
     )
+
+
+def all_states(model: Model, states: pd.DataFrame, amplitudes: pd.DataFrame | None) -> pd.DataFrame:
+    """Return the states of all bodies, by those that tables show and the amplitudes."""
+    if not model.hidden or amplitudes is None:
+        return states
+    rows = with_hidden(model, states.to_numpy(), amplitudes.to_numpy())
+    return pd.DataFrame(rows, columns=tables_of_model(model)[STATES])
 
 
 def _judged(folder: Path, info: dict[str, Any]) -> dict[str, Any]:

@@ -20,7 +20,8 @@ from msahl.results.read import (
     unreadable,
 )
 from msahl.results.write import DRIVES, PART, file_name
-from msahl.run.tables import REACTIONS, STATES, WORK, tables_of_model
+from msahl.run.hidden_bodies import shown_tables, with_hidden
+from msahl.run.tables import AMPLITUDES, REACTIONS, STATES, WORK, tables_of_model
 
 BLOCK = 1 << 22
 """Bytes of a file that are searched for line ends at a time."""
@@ -58,7 +59,7 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
     ``DeckError`` if its deck is not valid.
     """
     model, info = read_model(folder), read_info(folder)
-    columns = tables_of_model(model)
+    columns = shown_tables(model)
     files = {name: _Lines(require_table(folder, file_name(name))) for name in columns}
     try:
         for name, lines in files.items():
@@ -72,6 +73,9 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
         width = sum(map(len, columns.values()))
         rows = _spaced(total, min(most, max(numbers // width, 1000)))
         tables = {name: (columns[name], lines.read(rows)) for name, lines in files.items()}
+        if model.hidden:
+            states = with_hidden(model, tables[STATES][1], tables[AMPLITUDES][1])
+            tables[STATES] = (tables_of_model(model)[STATES], states)
     finally:
         for lines in files.values():
             lines.close()

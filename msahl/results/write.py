@@ -17,7 +17,8 @@ import orjson
 
 from msahl.contact.events import COLUMNS as EVENT_COLUMNS
 from msahl.model import Model
-from msahl.run.tables import ERROR, EVENTS, TABLES, error_columns, tables_of_model
+from msahl.run.hidden_bodies import shown_tables, without_hidden
+from msahl.run.tables import ERROR, EVENTS, TABLES, error_columns
 
 PART = ".part"
 INFO, DECK, CHECKPOINT = "run.json", "deck.xml", "checkpoint"
@@ -125,14 +126,14 @@ class RunFolder:
     def __init__(
         self, folder: Path, model: Model, deck: bytes, ends: dict[str, int] | None = None
     ) -> None:
-        self.folder = folder
+        self.folder, self.model = folder, model
         self.complete = False
         self.takes_observed = True
         folder.mkdir(parents=True, exist_ok=True)
         if ends is None:
             clear(folder)
             replace_file(folder / DECK, deck)
-        columns, self.of_errors = tables_of_model(model), error_columns(model)
+        columns, self.of_errors = shown_tables(model), error_columns(model)
         if model.rigid_contacts or model.events:
             columns[EVENTS] = EVENT_COLUMNS
         if ends is not None and file_name(ERROR) in ends:
@@ -146,6 +147,7 @@ class RunFolder:
         """Append rows to every table of the model, or, if one cannot be written, to none."""
         if ERROR not in self.tables and len(tables.get(ERROR, ())):
             self.tables[ERROR] = Table(self.folder / file_name(ERROR), self.of_errors)
+        tables = without_hidden(self.model, tables)
         before = {name: table.end for name, table in self.tables.items()}
         try:
             for name, table in self.tables.items():

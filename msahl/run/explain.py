@@ -44,6 +44,7 @@ def explain(model: Model) -> list[str]:
         f"{grid.n} steps of {grid.h:g} s",
         f"scheme: {_scheme(resolve(model.simulation))}",
         *_beams(model),
+        *_elastic_bodies(model),
         *_degrees_of_freedom(model, integrators),
         *_events(model),
         *(line for integrator in integrators for line in _coordinates(integrator)),
@@ -55,9 +56,9 @@ def explain(model: Model) -> list[str]:
 
 
 def _own_bodies(model: Model) -> list[str]:
-    """Return the names of the bodies that are no nodes of beams."""
+    """Return the names of the bodies that are shown and no nodes of beams."""
     nodes = {name for beam in model.beams for name in beam.nodes}
-    return [body.name for body in model.bodies if body.name not in nodes]
+    return [body.name for body in model.shown_bodies if body.name not in nodes]
 
 
 def _bodies(model: Model) -> str:
@@ -75,6 +76,18 @@ def _beams(model: Model) -> Iterator[str]:
             f"beam {beam.name}: {sum(beam.lengths):.6g} m, {kilograms:.6g} kg, "
             f"{_count(len(beam.lengths), 'element')} of degree {beam.degree} between the nodes "
             f"{beam.nodes[0]} to {beam.nodes[-1]}" + (f"; no {', '.join(zero)}" if zero else "")
+        )
+
+
+def _elastic_bodies(model: Model) -> Iterator[str]:
+    """Elastic bodies: their mass, modes, and the bodies that stand for them."""
+    mass = {body.name: body.mass for body in model.bodies}
+    for body in model.elastic_bodies[:MOST_LISTED]:
+        nodes = [one.body for one in body.followers if one.is_node]
+        yield (
+            f"elastic body {body.name}: {sum(mass[name] for name in body.bodies):.6g} kg, "
+            f"{_count(len(body.stiffness), 'mode')}, interface {', '.join(nodes) or 'none'}; "
+            f"{len(body.followers)} bodies follow its frame"
         )
 
 
@@ -187,7 +200,8 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
             f"unknowns, {of_beams}and equations that symmetry fulfils are omitted"
         )
     bodies = zip(integrator.model.bodies, workspace.system.frames.ballistic, strict=False)
-    flying = [body.name for body, ballistic in bodies if ballistic]
+    hidden = integrator.model.hidden
+    flying = [body.name for body, ballistic in bodies if ballistic and body.name not in hidden]
     if flying:
         yield (
             f"{head}only gravity acts on {', '.join(flying)}: the mass centre moves by "

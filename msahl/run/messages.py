@@ -156,11 +156,13 @@ def _position_warnings(integrator: SubsystemIntegrator) -> list[str]:
     moved = integrator.moved
     if moved is None or moved.violation == 0.0:
         return []
+    hidden = integrator.model.hidden
     changes = [
         f"body '{body.name}' by {displacement:.3g} m and {angle:.3g} rad"
         for body, displacement, angle in zip(
             integrator.model.bodies, moved.displacements, moved.rotations, strict=True
         )
+        if body.name not in hidden
     ]
     return [
         f"the joints' constraint violation of {moved.violation:.3g} m at t = 0 was removed by "
@@ -182,13 +184,15 @@ def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
     how = {"keepAngular": "angular velocities kept"}.get(
         change.method, "smallest change, weighted by mass"
     )
+    hidden = integrator.model.hidden
     changes = [
-        f"body '{body.name}' by {np.linalg.norm(dv):.3g} m/s"
+        f"body '{hidden.get(body.name, body.name)}' by {np.linalg.norm(dv):.3g} m/s"
         + (f" and {np.linalg.norm(dw):.3g} rad/s" if dw.any() else "")
         for body, dv, dw in zip(integrator.model.bodies, change.dv, change.dw, strict=True)
         if dv.any() or dw.any()
     ]
-    return [f"{violated} and were changed ({how}): {', '.join(changes)}"]
+    listed = ", ".join(dict.fromkeys(changes))
+    return [f"{violated} and were changed ({how}): {listed}"]
 
 
 def stops_at_once(condition: str) -> str:

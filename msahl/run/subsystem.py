@@ -265,8 +265,9 @@ class SubsystemIntegrator:
         given = self.model, workspace.system, workspace.start, workspace.unknowns.free, self.axis
         found = choose_formulation(*given, saves_work=False)
         if found.tree is None and found.reason != NOTHING_MOVES:
-            members = ", ".join(body.name for body in self.model.bodies[:MOST_NAMED])
-            more = ", ..." if len(self.model.bodies) > MOST_NAMED else ""
+            bodies = self.model.shown_bodies
+            members = ", ".join(body.name for body in bodies[:MOST_NAMED])
+            more = ", ..." if len(bodies) > MOST_NAMED else ""
             raise StartError(
                 f"{remedy}, but the subsystem of {members}{more} has none: {found.reason}; choose "
                 "gauss, or another scheme"

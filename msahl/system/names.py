@@ -194,7 +194,8 @@ def _describe_follower(model: Model, number: int) -> str:
     """The equations of a follower in words; those of all elastic bodies are counted from 0."""
     found = [(body, one) for body in model.elastic_bodies for one in body.followers]
     body, follower = found[number]
-    return f"elastic body '{body.name}', place of '{follower.body}'"
+    which = f", place of '{follower.body}'" if follower.is_node else ""
+    return f"elastic body '{body.name}'{which}"
 
 
 def describe_row(model: Model, system: System, index: int) -> str:
@@ -204,7 +205,8 @@ def describe_row(model: Model, system: System, index: int) -> str:
     k = node - first_multiplier(frames)
     if k < 0:
         kind = "moment about" if frames.rotates[node] else "force along"
-        return f"body '{model.bodies[frames.owner[frames.of_node[node]]].name}', {kind} {axis}"
+        name = model.bodies[frames.owner[frames.of_node[node]]].name
+        return f"body '{model.hidden.get(name, name)}', {kind} {axis}"
     elements = model.constrained
     number = int(system.multipliers.element[k])
     if number >= len(elements):

@@ -58,7 +58,7 @@ def _places(start: Point, point: Point) -> list[str]:
     each beam those of its last node.
     """
     states, first, model = state_row(point), state_row(start), point.model
-    nodes = {name for beam in model.beams for name in beam.nodes}
+    nodes = {name for beam in model.beams for name in beam.nodes} | set(model.hidden)
     bodies = [b for b, body in enumerate(model.bodies) if body.name not in nodes]
     ends = {beam.nodes[-1]: beam.name for beam in model.beams}
     shown, size = [], size_of(point)

@@ -35,6 +35,7 @@ from msahl.model import (
 )
 from msahl.ports import coordinate, forces
 from msahl.ports import point as at_points
+from msahl.run.hidden_bodies import shown_tables, without_hidden
 from msahl.run.observed import ObservedTables
 from msahl.run.tables import (
     ACCELERATIONS,
@@ -43,7 +44,6 @@ from msahl.run.tables import (
     SIGNALS,
     STATES,
     WORK,
-    tables_of_model,
 )
 from msahl.schemes.common.workspace import write_configuration
 from msahl.system.arrays import SystemWorkspace, Tables, new_tables
@@ -79,12 +79,12 @@ def tables_of(points: list[Point], number: str = NUMBER) -> dict[str, tuple[list
     is in the first column.
     """
     model = points[0].model
-    known = {**tables_of_model(model), LOADS: load_columns(model)}
+    known = {**shown_tables(model), LOADS: load_columns(model)}
     rows = [_rows(point) for point in points]
     result = {}
     for name, columns in known.items():
         if name in rows[0] and len(columns) > 1:
-            table = np.array([row[name] for row in rows])
+            table = without_hidden(model, {name: np.array([row[name] for row in rows])})[name]
             table[:, 0] = np.arange(1, len(points) + 1)
             result[name] = ([number, *columns[1:]], table + 0.0)  # no minus before a zero
     return result

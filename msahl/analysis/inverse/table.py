@@ -28,6 +28,7 @@ from msahl.results.folder import find
 from msahl.results.info import read_info
 from msahl.results.read import read_run, unreadable
 from msahl.results.write import INFO, file_name
+from msahl.run.hidden_bodies import shown_tables
 from msahl.run.tables import ACCELERATIONS, JOINTS, MARKERS, STATES
 from msahl.system.names import (
     acceleration_columns,
@@ -104,7 +105,8 @@ def read_motion(
         motion = motion_of_table(names, numbers, model, shown_path(path))
         return replace(motion, error=_error_of_folder(path))
     run = read_run(path)
-    columns, table = state_columns(model), run.states
+    shown, table = shown_tables(replace(model, simulation=run.model.simulation)), run.states
+    columns = shown[STATES]  # those that a table at this path would have
     lacks = [name for name in columns if name not in table.columns]
     if lacks:
         raise InverseError(
@@ -114,8 +116,9 @@ def read_motion(
     more = run.others.get(ACCELERATIONS)
     parts = [table[columns].to_numpy()]
     if more is not None:
-        columns = [*columns, *acceleration_columns(model)[1:]]
-        parts.append(more[acceleration_columns(model)[1:]].to_numpy())
+        names = shown[ACCELERATIONS][1:]
+        columns = [*columns, *names]
+        parts.append(more[names].to_numpy())
     motion = motion_of_table(columns, np.concatenate(parts, axis=1), model, shown_path(path))
     return replace(motion, error=run_error(run.info))
 

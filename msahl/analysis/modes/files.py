@@ -48,7 +48,7 @@ def orders_of(unit: str, wanted: Sequence[float]) -> tuple[float, ...]:
 
 def write_modes(folder: Path, point: Point, found: Modes) -> None:
     """Write modes.csv and shapes.csv into the ``folder``, which is made."""
-    shapes = (shape_columns(point), shape_rows(found))
+    shapes = (shape_columns(point), shape_rows(point, found))
     write_tables(folder, {"modes": (MODE_COLUMNS, mode_rows(found)), "shapes": shapes})
 
 

@@ -30,6 +30,7 @@ from msahl.analysis.modes.sparse_eigenvalues import (
     without_stiffness,
 )
 from msahl.analysis.modes.zero_eigenvalues import MOST as MOST_ZEROS
+from msahl.model import Model
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 from msahl.system.names import describe_row
@@ -342,15 +343,27 @@ def mode_rows(found: Modes) -> np.ndarray:
 
 def shape_columns(point: Point) -> list[str]:
     """Header of shapes.csv."""
-    names = [f"{body.name}.{c}" for body in point.model.bodies for c in SHAPE_COLUMNS]
+    names = [f"{body.name}.{c}" for body in point.model.shown_bodies for c in SHAPE_COLUMNS]
     names += [s.name for s in point.model.states]
     return ["mode", *(f"{name}.{part}" for name in names for part in ("real", "imaginary"))]
 
 
-def shape_rows(found: Modes) -> np.ndarray:
+def shown_rows(model: Model) -> np.ndarray:
+    """Return the numbers of the bodies that tables show."""
+    hidden = model.hidden
+    return np.flatnonzero([body.name not in hidden for body in model.bodies])
+
+
+def shape_parts(point: Point, found: Modes) -> np.ndarray:
+    """(m, ...) the parts of all shapes, of the bodies that are shown and of auxiliary states."""
+    shown = found.shape[:, shown_rows(point.model)]
+    m, n, width = shown.shape
+    return np.concatenate([shown.reshape(m, n * width), found.states], axis=1)
+
+
+def shape_rows(point: Point, found: Modes) -> np.ndarray:
     """(m, ...) the rows of shapes.csv."""
-    m = found.value.size
-    _, n, width = found.shape.shape
-    values = np.concatenate([found.shape.reshape(m, n * width), found.states], axis=1)
+    values = shape_parts(point, found)
+    m = len(values)
     parts = np.stack([values.real, values.imag], axis=2).reshape(m, 2 * values.shape[1])
     return np.column_stack([np.arange(1, m + 1), parts])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from msahl.results.read import Run
 
 KINDS = (
-    *("linkage", "path", "path3d", "drives", "signals", "markers", "groups"),
+    *("linkage", "path", "path3d", "drives", "signals", "markers", "groups", "amplitudes"),
     *("joints", "positions", "reactions", "energy", "error", "constraints", "work"),
 )
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")

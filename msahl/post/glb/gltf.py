@@ -9,6 +9,7 @@ from msahl.post.glb.animation import Keys
 from msahl.post.glb.container import INDICES, JOINTS, VERTICES, Numbers, glb
 from msahl.post.glb.springs import Stretched, choose_spring_keys, ends, motion, surfaces
 from msahl.post.scene.beams import rings_at_nodes
+from msahl.post.scene.elastic import amplitudes
 from msahl.post.scene.geometry import Shape, floats, smallest_rotation
 from msahl.post.scene.triangles import Triangles, triangles
 from msahl.version import VERSION
@@ -38,6 +39,8 @@ def write_glb(
             file.animate(node, time[key.rows], poses[key.rows, index])
     for beam in scene["beams"]:
         file.add_beam(beam, nodes)
+    for elastic in scene["elastic"]:
+        _add_elastic(file, elastic, nodes, time, poses, keys)
     for spring in scene["springs"]:
         stretched = motion(ends(spring, poses), scene["size"])
         rows = choose_spring_keys(time, stretched, scene["size"])
@@ -49,6 +52,23 @@ def write_glb(
     if ground["shapes"]:
         file.add_body(", ".join(ground["names"]) or "ground", ground["shapes"], GREY, None)
     return file.finish(scene["title"])
+
+
+def _add_elastic(
+    file: "_File",
+    elastic: Mapping[str, Any],
+    nodes: Sequence[int],
+    time: np.ndarray,
+    poses: np.ndarray,
+    keys: Sequence[Keys],
+) -> None:
+    """Add the skin of an elastic body, at the key poses of all that carry its amplitudes."""
+    values = amplitudes(elastic, poses)
+    node = file.add_elastic(elastic, nodes[elastic["frame"]], values[0])
+    bodies = {elastic["frame"], *(body for body, _ in elastic["carriers"])}
+    rows = np.unique(np.concatenate([keys[body].rows for body in bodies]))
+    if len(rows) > 1:
+        file.sample(node, "weights", time[rows], values[rows].ravel())
 
 
 class _File:
@@ -128,6 +148,26 @@ class _File:
         self.nodes.append({"name": beam["name"], **drawn})
         self.nodes[0]["children"].append(place)
 
+    def add_elastic(self, entry: Mapping[str, Any], frame: int, weights: np.ndarray) -> int:
+        """Add the skin of an elastic body to the node of its ``frame``, with a morph target by
+        amplitude, whose first are ``weights`` (q,); return its index."""
+        shapes = np.reshape(entry["shapes"], (len(weights), -1, 3))
+        points = np.reshape(entry["points"], (-1, 3))
+        primitive = {
+            "attributes": {"POSITION": self.numbers.add(points, VERTICES, bounds=True)},
+            "indices": self.numbers.add(np.array(entry["triangles"]), INDICES),
+            "material": self._material(entry["colour"]),
+            "targets": [
+                {"POSITION": self.numbers.add(shape, VERTICES, bounds=True)} for shape in shapes
+            ],
+        }
+        mesh = {"name": entry["name"], "primitives": [primitive], "weights": weights.tolist()}
+        self.mesh_list.append(mesh)
+        place = len(self.nodes)
+        self.nodes.append({"name": f"{entry['name']}, skin", "mesh": len(self.mesh_list) - 1})
+        self.nodes[frame].setdefault("children", []).append(place)
+        return place
+
     def _mesh(self, shape: Shape, colour: str) -> int:
         """Return the index of the mesh of a shape; equal ones are stored once."""
         numbers = (shape["size"], shape.get("vertices", ()), shape.get("faces", ()))
@@ -172,11 +212,18 @@ class _File:
         # glTF has the scalar last.
         paths = {"translation": poses[:, :3], "rotation": poses[:, [4, 5, 6, 3]]}
         for path, values in (paths if scales is None else {**paths, "scale": scales}).items():
-            output = self.numbers.add(values)
-            self.channels.append(
-                {"sampler": len(self.samplers), "target": {"node": node, "path": path}}
-            )
-            self.samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+            self._sample(node, path, times, values)
+
+    def sample(self, node: int, path: str, time: np.ndarray, values: np.ndarray) -> None:
+        """Add a sampler of the ``values`` of one path of a node."""
+        self._sample(node, path, self.numbers.add(time, bounds=True), values)
+
+    def _sample(self, node: int, path: str, times: int, values: np.ndarray) -> None:
+        output = self.numbers.add(values)
+        self.channels.append(
+            {"sampler": len(self.samplers), "target": {"node": node, "path": path}}
+        )
+        self.samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
 
     def finish(self, title: str) -> bytes:
         """Return the bytes of the file."""

@@ -199,7 +199,9 @@ def _draw_paths(
 
 
 def _is_inner(scene: Scene, index: int) -> bool:
-    """Return whether a body is a node of a beam other than its last."""
+    """Return whether a body is a node of a beam other than its last, or hidden."""
+    if scene["bodies"][index]["hidden"]:
+        return True
     beam = scene["bodies"][index]["beam"]
     return beam is not None and scene["beams"][beam]["nodes"][-1] != index
 
@@ -297,7 +299,7 @@ def _label(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) ->
     centre = np.mean(middles, axis=0)
     near = 0.05 * float(np.ptp(motion.corners().reshape(-1, 3) @ frame.T, axis=0).max())
     for index, middle in enumerate(middles):
-        if not look.draws(index):
+        if not look.draws(index) or motion.scene["bodies"][index]["hidden"]:
             continue
         away = middle - centre
         away = away / max(float(np.hypot(*away)), 1e-300)

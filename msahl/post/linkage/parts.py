@@ -77,7 +77,7 @@ def parts_of(scene: Scene) -> list[Parts]:
         parts = Parts(
             pins=distinct(pins[index], scene["size"]), places=distinct(places[index], scene["size"])
         )
-        if body["beam"] is None:
+        if body["beam"] is None and not body["hidden"]:
             _fill(parts, body, _slides(scene, index), scene["size"], index in rolling)
         elif not len(parts.places):
             parts.places = np.zeros((1, 3))  # so that the picture is large enough for the beam

@@ -16,6 +16,7 @@ its axes.
         "colour": "#rrggbb",                 # of its name, path and shapes without a colour
         "shapes": [Shape],
         "beam": int or null,                 # of a node of a beam: its place in ``beams``
+        "hidden": bool,                      # carries amplitudes or mass of an elastic body
       }],
       "beams": [{                            # outlines swept along their nodes
         "name": str,
@@ -31,6 +32,17 @@ its axes.
         "fromPoints": [[float, ...], ...],   # weights of the Gauss points at the places of rings
         "strain": [[6], ...],                # of the unstressed beam, at every Gauss point
         "stiffness": [[36], ...],            # K, row by row; zero for strains that cannot change
+      }],
+      "elastic": [{                          # reduced elastic bodies whose files have a skin
+        "name": str,
+        "frame": int,                        # the body in whose axes its points are
+        "carriers": [[int, int], ...],       # of each amplitude the body and the axis of the frame
+                                             # along which it is the displacement from
+        "rest": [float, ...],                # the place of the body without an amplitude [m]
+        "points": [x, y, z, x, ...],         # of the undeformed skin
+        "shapes": [x, y, z, x, ...],         # by 1 m of each amplitude: of all points
+        "triangles": [int, ...],
+        "colour": "#rrggbb",
       }],
       "ground": {"names": [str], "shapes": [Shape]},
       "joints": [{                           # joints, then couplings, in the deck's order

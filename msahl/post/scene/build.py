@@ -1,7 +1,7 @@
 """Build the scene of a model from its records; the package's docstring has the format."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from msahl.post.scene.derived import (
     visible,
     wheel_radii,
 )
+from msahl.post.scene.elastic import skins
 from msahl.post.scene.geometry import Shape, along, corners, floats, half_box, quaternion, shape
 from msahl.post.scene.glyphs import (
     GROUND,
@@ -72,14 +73,17 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
         if spring["joint"] is not None and spring["glyph"] in LONG:
             spring["aPoint"] = _foot(model, spring, poses, size)
     given, errors = given_shapes(model, folders)
-    shapes = derived_shapes(model, joints, poses, size)
+    elastic, notes = skins(model, body, folders, PALETTE)
+    shapes = derived_shapes(model, joints, poses, size, {entry["name"] for entry in elastic})
     shapes |= {body[name]: given_here for name, given_here in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
+    around += [_placed(np.reshape(e["points"], (-1, 3)), poses, e["frame"]) for e in elastic]
     corner = np.concatenate(around)
     return {
         "title": model.simulation.title or title,
         "bodies": _body_entries(model, poses, shapes),
         "beams": beam_entries(model, body, PALETTE),
+        "elastic": elastic,
         "ground": {"names": [g.name for g in model.grounds], "shapes": shapes[GROUND]},
         "joints": joints,
         "motions": motion_entries(model, body, place),
@@ -92,7 +96,7 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
         "gravity": floats(model.gravity),
         "up": _up(model),
         "normal": _normal(joints, poses),
-        "notes": [str(error) for error in errors],
+        "notes": [*map(str, errors), *notes],
     }
 
 
@@ -100,7 +104,7 @@ def _body_entries(
     model: Model, poses: Sequence[list[float]], shapes: dict[int, list[Shape]]
 ) -> list[Entry]:
     """Return the bodies."""
-    beam_of = node_beams(model)
+    beam_of, hidden = node_beams(model), model.hidden
     return [
         {
             "name": record.name,
@@ -110,6 +114,7 @@ def _body_entries(
             "colour": _colour(shapes[index], index),
             "shapes": shapes[index],
             "beam": beam_of.get(record.name),
+            "hidden": record.name in hidden,
         }
         for index, record in enumerate(model.bodies)
     ]
@@ -148,9 +153,14 @@ def pose(body: RigidBody) -> list[float]:
 
 
 def derived_shapes(
-    model: Model, joints: Sequence[Entry], poses: Sequence[Sequence[float]], size: float
+    model: Model,
+    joints: Sequence[Entry],
+    poses: Sequence[Sequence[float]],
+    size: float,
+    skinned: Container[str] = (),
 ) -> dict[int, list[Shape]]:
-    """Return the shapes of every body and of the ground that follow from inertia and joints."""
+    """Return the shapes of every body and of the ground that follow from inertia and joints;
+    elastic bodies that are ``skinned`` need none from their frame to their nodes."""
     body = numbers(model)
     ends: dict[int, list[list[float]]] = {index: [] for index in range(GROUND, len(model.bodies))}
     shapes: dict[int, list[Shape]] = {index: [] for index in ends}
@@ -168,7 +178,8 @@ def derived_shapes(
         shapes[b].append(part)
     shapeless = {*node_beams(model), *(n for one in model.elastic_bodies for n in one.bodies)}
     for elastic in model.elastic_bodies:
-        ends[body[elastic.name]] += map(list, node_places(elastic))
+        if elastic.name not in skinned:
+            ends[body[elastic.name]] += map(list, node_places(elastic))
     for index, record_of_body in enumerate(model.bodies):
         rods = links(record_of_body.r_BG, ends[index], ROD_RADIUS * size)
         if not shapes[index] and record_of_body.name not in shapeless:

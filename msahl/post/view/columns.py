@@ -15,7 +15,8 @@ from msahl.results.info import ResultError
 from msahl.results.sample import Sample
 from msahl.results.write import DRIVES
 from msahl.run.column_units import quantity
-from msahl.run.tables import JOINTS, REACTIONS, SIGNALS
+from msahl.run.hidden_bodies import shown_tables
+from msahl.run.tables import AMPLITUDES, JOINTS, REACTIONS, SIGNALS, STATES
 
 LEVELS = 65535
 """Steps from the least to the greatest value of a column: values are rounded to one of them."""
@@ -39,10 +40,10 @@ def columns_of_run(sample: Sample, patterns: tuple[str, ...] = ()) -> Columns:
 
     Raises ``ResultError`` for a pattern that no column matches.
     """
-    found: dict[str, tuple[str, int, str]] = {}
-    for table, (head, _) in _in_order(sample):
-        for place, name in enumerate(head[1:], start=1):
-            found.setdefault(name, (table, place, name))  # two tables may have the load of a drive
+    found: dict[str, tuple[str, np.ndarray, str]] = {}
+    for table, (head, rows) in _in_order(sample):
+        for name, column in zip(head[1:], rows.T[1:], strict=True):
+            found.setdefault(name, (table, column, name))  # two tables may have the load of a drive
     every = list(found.values())
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for _, _, name in every):
@@ -53,7 +54,7 @@ def columns_of_run(sample: Sample, patterns: tuple[str, ...] = ()) -> Columns:
         for entry in every
         if not patterns or any(fnmatchcase(entry[2], pattern) for pattern in patterns)
     ]
-    values = [sample.tables[table][1][:, place] for table, place, _ in chosen]
+    values = [column for _, column, _ in chosen]
     return Columns(
         [name for _, _, name in chosen],
         [table for table, _, _ in chosen],
@@ -70,9 +71,13 @@ def _unit(name: str, model: Model) -> str:
 
 
 def _in_order(sample: Sample) -> Iterator[tuple[str, tuple[list[str], np.ndarray]]]:
-    first = (DRIVES, JOINTS, REACTIONS, SIGNALS)
-    yield from ((name, sample.tables[name]) for name in first if name in sample.tables)
-    yield from ((name, table) for name, table in sample.tables.items() if name not in first)
+    """Yield the tables in the order of the graph's list, without bodies that are not shown."""
+    first, shown = (DRIVES, JOINTS, AMPLITUDES, REACTIONS, SIGNALS), sample.tables
+    if sample.model.hidden:
+        columns, (names, states) = shown_tables(sample.model)[STATES], shown[STATES]
+        shown = shown | {STATES: (columns, states[:, [names.index(name) for name in columns]])}
+    yield from ((name, shown[name]) for name in first if name in shown)
+    yield from ((name, table) for name, table in shown.items() if name not in first)
 
 
 def pack_columns(columns: Columns, most: int) -> dict[str, Any]:

@@ -10,7 +10,7 @@ export class Labels {
     const { bodies, beams } = model.scene;
     const middles = new Map(beams.map(({ name, nodes }) => [nodes[nodes.length >> 1], name]));
     this.texts = bodies.map((body, index) => {
-      const text = body.beam === null ? body.name : middles.get(index); // of a beam at its middle
+      const text = body.hidden ? "" : body.beam === null ? body.name : middles.get(index); // of a beam at its middle
       return make("span", { class: "name", text: text ?? "" });
     });
     this.tip = make("span", { class: "name tip" });

@@ -1,6 +1,7 @@
 /* global THREE */
 // One run in three dimensions: its bodies, joints, springs and arrows, moved to the poses of a time.
 import { Beam } from "./beams.js";
+import { Elastic } from "./elastic.js";
 import { axesObject, jointObjects, markerObject, motionObject, turnTo } from "./glyphs.js";
 import { Coil } from "./coil.js";
 import { Damper, drumObject } from "./damper.js";
@@ -25,7 +26,10 @@ export class Model3d {
     this.ground = group(this.root);
     this.bodies = scene.bodies.map((body, index) => this.body(body, index));
     this.beams = scene.beams.map((entry) => new Beam(entry, look));
-    for (const beam of this.beams) this.root.add(beam.object);
+    // Scenes of stored motions may be older than elastic bodies.
+    this.elastic = (scene.elastic ?? []).map((entry) => new Elastic(entry, look));
+    this.skins = [...this.beams, ...this.elastic];
+    for (const { object } of this.skins) this.root.add(object);
     for (const shape of scene.ground.shapes) {
       this.ground.add(shapeObject(shape, "#9aa3ad", look));
     }
@@ -48,6 +52,7 @@ export class Model3d {
       drawn.userData = made.userData;
       made.add(drawn);
     }
+    if (body.hidden) return made;
     const axes = axesObject((body.beam === null ? 0.09 : 0.03) * this.scene.size, this.look);
     axes.userData.isFrame = true;
     axes.visible = false;
@@ -72,8 +77,8 @@ export class Model3d {
     this.dots.forEach((dot, index) => {
       this.pointOf(index, this.scene.bodies[index].centre, dot.position);
       const size = DOT * camera.position.distanceTo(dot.position);
-      const isNode = this.scene.bodies[index].beam !== null; // whose beam is drawn
-      dot.visible = !isNode && this.bodies[index].visible && this.radii[index].radius < size;
+      const { beam, hidden } = this.scene.bodies[index]; // of a node its beam is drawn
+      dot.visible = beam === null && !hidden && this.bodies[index].visible && this.radii[index].radius < size;
       dot.scale.setScalar(size);
     });
   }
@@ -87,7 +92,8 @@ export class Model3d {
   show(time) {
     const poses = this.motion.at(time);
     this.bodies.forEach((body, index) => setPose(body, poses, index * WIDTH));
-    for (const beam of this.beams) beam.show(poses);
+    for (const skin of this.skins) skin.show(poses);
+    for (const { object, entry } of this.elastic) object.visible = this.bodies[entry.frame].visible;
     this.root.updateMatrixWorld();
     for (const move of this.movers) move(time);
   }
@@ -112,6 +118,11 @@ export class Model3d {
     return range;
   }
 
+  // Scales the displacements of elastic bodies in their frames.
+  deform(scale) {
+    for (const body of this.elastic) body.scale = scale;
+  }
+
   // Evenly spaced times of the motion.
   times(count) {
     const { motion } = this;
@@ -128,7 +139,8 @@ export class Model3d {
     const { motion, scene } = this;
     this.box = new THREE.Box3();
     this.travel = scene.joints.map(() => [0, 0]);
-    this.radii = this.bodies.map((body, index) => radiusOf(body, scene.beams[scene.bodies[index].beam]));
+    this.radii = this.bodies.map((body, index) =>
+      radiusOf(body, scene.beams[scene.bodies[index].beam], scene.elastic?.find(({ frame }) => frame === index)));
     const poses = new THREE.Vector3();
     const sphere = new THREE.Sphere();
     for (const time of this.times(SAMPLES)) {
@@ -258,7 +270,7 @@ export class Model3d {
 
   // Makes bodies translucent, so that what is inside them is seen.
   setSeeThrough(isOn) {
-    for (const body of [...this.bodies, ...this.beams.map((beam) => beam.object)]) {
+    for (const body of [...this.bodies, ...this.skins.map((skin) => skin.object)]) {
       body.traverse((child) => {
         if (!child.material?.isMeshStandardMaterial) return;
         child.material.transparent = isOn || this.look.opacity < 1;
@@ -287,7 +299,7 @@ export class Model3d {
 
   // Objects that the pointer can be over.
   targets() {
-    const all = [...this.bodies, ...this.beams.map((beam) => beam.object), this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
+    const all = [...this.bodies, ...this.skins.map((skin) => skin.object), this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
     return all.filter((part) => part.visible);
   }
 }
@@ -321,7 +333,7 @@ function group(parent) {
 }
 
 // The sphere around a body's shapes, in its axes.
-function radiusOf(body, beam) {
+function radiusOf(body, beam, elastic) {
   const box = new THREE.Box3();
   for (const child of body.children) {
     if (child.userData.isFrame) continue;
@@ -331,6 +343,9 @@ function radiusOf(body, beam) {
   }
   for (const outline of beam?.outlines ?? []) {
     for (let i = 0; i < outline.length; i += 2) box.expandByPoint(new THREE.Vector3(0, outline[i], outline[i + 1]));
+  }
+  for (let i = 0; i < (elastic?.points.length ?? 0); i += 3) {
+    box.expandByPoint(new THREE.Vector3(...elastic.points.slice(i, i + 3)));
   }
   if (box.isEmpty()) box.setFromCenterAndSize(new THREE.Vector3(), new THREE.Vector3());
   return box.getBoundingSphere(new THREE.Sphere());

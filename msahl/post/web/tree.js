@@ -1,6 +1,7 @@
 // The panel of what the model consists of, and of what is shown.
 import { RESULTANTS } from "./beams.js";
 import { iconButton, make } from "./dom.js";
+import { SCALES } from "./elastic.js";
 
 // `viewer` is the Viewer whose parts are shown and hidden.
 export function buildTree(viewer) {
@@ -10,9 +11,10 @@ export function buildTree(viewer) {
     make("div", { class: "panel-head" }, make("h2", { text: "Model" }),
       iconButton("close", "Close", () => viewer.setPanel("tree", false), { class: "plain" })),
     switches(viewer),
-    section("Bodies", scene.bodies.map((body, index) => body.beam === null && bodyRow(viewer, body, index)).filter(Boolean)),
+    section("Bodies", scene.bodies.map((body, index) => body.beam === null && !body.hidden && bodyRow(viewer, body, index)).filter(Boolean)),
     section("Beams", scene.beams.map((beam) => row(viewer, "body", beam.name, `${beam.nodes.length} nodes`))),
     colouring(viewer),
+    deforming(viewer),
     section("Joints", scene.joints.map((joint) => row(viewer, "joint", joint.name, joint.kind))),
     section("Motions", scene.motions.map((motion) => row(viewer, "motion", motion.name, motion.coordinate ?? "point"))),
     section("Springs", scene.springs.map((spring) => row(viewer, "spring", spring.name, spring.glyph === "drum" ? "damper" : spring.glyph))),
@@ -37,6 +39,15 @@ function colouring(viewer) {
     range.classList.toggle("scale", Boolean(select.value));
   };
   return make("div", { class: "colouring" }, select, range);
+}
+
+// The choice of how much larger the deformation of elastic bodies is drawn than it is.
+function deforming(viewer) {
+  if (!viewer.models[0].elastic.length) return null;
+  const options = SCALES.map((scale) => make("option", { value: String(scale), text: `Deformation × ${scale}` }));
+  const select = make("select", { title: "Draw the deformation larger than it is" }, ...options);
+  select.onchange = () => viewer.deform(Number(select.value));
+  return make("div", { class: "colouring" }, select);
 }
 
 function section(title, rows) {

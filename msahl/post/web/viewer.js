@@ -295,6 +295,7 @@ export class Viewer {
 
   // Whether a body's path is among those that are shown together: of a beam that of its last node.
   hasPath(of, body) {
+    if (of.hidden) return false;
     return of.beam === null || body === this.models[0].scene.beams[of.beam].nodes.at(-1);
   }
 
@@ -318,6 +319,12 @@ export class Viewer {
     for (const model of this.models) for (const beam of model.beams) beam.setResultant(resultant, range);
     this.invalidate();
     return range;
+  }
+
+  // Draws the deformation of reduced elastic bodies larger than it is.
+  deform(scale) {
+    for (const model of this.models) model.deform(scale);
+    this.invalidate();
   }
 
   setArrowScale(scale) {
@@ -434,6 +441,8 @@ function probe(viewer) {
     // Poses [x, y, z, w, x, y, z] of all bodies of a run as they are drawn.
     poses: (run = 0) =>
       viewer.models[run].bodies.map(({ position: p, quaternion: q }) => [p.x, p.y, p.z, q.w, q.x, q.y, q.z]),
+    // Points of the skin of an elastic body as it is drawn, in its frame.
+    skin: (number = 0, run = 0) => Array.from(viewer.models[run].elastic[number].object.geometry.attributes.position.array),
   });
 }
 

@@ -19,6 +19,7 @@ from msahl.reduction.mesh.read import mesh_format, read_mesh
 from msahl.reduction.mesh.refine import refined as refined_solid
 from msahl.reduction.mesh.refinement_error import Levels, refinement_errors
 from msahl.reduction.mesh.second_order import Beams, beam_stiffening
+from msahl.reduction.mesh.skin import mesh_skin
 from msahl.reduction.mesh.solids import Solid, build_solid, matrices
 from msahl.reduction.read import Files
 from msahl.reduction.reduce import STIFFENED, Reduction, Wishes, reduce_model
@@ -95,6 +96,8 @@ def reduce_mesh(files: Files, wishes: Wishes) -> tuple[Reduction, MeshSummary]:
     found = reduce_model(made.model, chosen)
     if wishes.stiffening:
         found = replace(found, body=_stiffened(mesh, material, section, files.units, found))
+    skin = mesh_skin(mesh, section, UNITS[files.units][0], found.body, found.rotations)
+    found = replace(found, body=replace(found.body, skin=skin))
     summary = MeshSummary(
         {kind: len(nodes) for kind, nodes in mesh.elements.items()},
         made.volume,
