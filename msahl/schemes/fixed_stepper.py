@@ -12,7 +12,7 @@ be the same as those of the run, whose errors would not show.
 
 The parts after a rate or a slip is at the width of a friction law, which it passes faster than a
 step, begin with the time of one width, and each is twice as long as the last one, until they are
-steps again: no stage of a longer part would see what friction lacks beyond the width.
+steps again: no stage of a longer part would see where friction falls short of its limit.
 """
 
 import math

@@ -168,6 +168,7 @@ def colliding(case):
     return build_model(bodies, contacts=(contact,))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("case", STARTS)
 @pytest.mark.parametrize(("scheme", "allowed"), [("gauss3", 1e-9), ("preserving", 1e-13)])
 def test_free_impacts_with_friction_keep_both_momenta(case, scheme, allowed):
@@ -214,6 +215,7 @@ def end_of(model, rotation=ZERO, backwards=False):
     return np.vstack(found), times_of(events, "impact")
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("case", STARTS)
 @pytest.mark.parametrize("how", OTHERS)
 def test_boxes_in_other_words_move_in_the_same_way(case, how):

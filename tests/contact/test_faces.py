@@ -108,6 +108,7 @@ def test_a_box_that_is_slid_over_an_edge_tips(friction, y):
     assert np.log2(errors[0] / errors[1]) > 5.8
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
 def test_it_tips_by_tolerance_as_well(tolerance, friction):
@@ -148,6 +149,7 @@ def test_the_motion_does_not_depend_on_the_processor(processor):
         assert np.array(last)[[0, 2, 10]] == pytest.approx([x, z, spin], abs=1e-9)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("angle", "spin"), [(0.0, 0.0), (0.3, 0.0), (np.pi / 4.0, 0.0), (0.3, 1.0)]
 )

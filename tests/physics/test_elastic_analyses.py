@@ -25,6 +25,7 @@ def energy(g):
     return float(result["Blade.energy"][-1])
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_complete_runs():
     found = msahl.load(BLADE).gradient("Blade.energy final", wrt=["g"], **SHORT)
     d = 1e-3  # m/s^2, of 0.2: the energy is nearly quadratic in g, so differences are exact

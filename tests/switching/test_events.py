@@ -22,6 +22,7 @@ def names(rows):
     return [(row[-2], row[1], row[2]) for row in rows]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("scheme", "dt", "tolerance"), SCHEMES)
 def test_events_of_one_time_happen_in_the_order_of_the_deck(scheme, dt, tolerance):
     """The one whose condition the first makes true happens before the next, at the same time."""
@@ -42,6 +43,7 @@ def test_events_of_one_time_happen_in_the_order_of_the_deck(scheme, dt, toleranc
     assert report.events["released"] == ["Clutch"]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("scheme", "dt", "tolerance"), SCHEMES)
 @pytest.mark.parametrize(("repeats", "times"), [(False, 1), (True, 2)])
 def test_an_event_repeats_if_it_is_to(repeats, times, scheme, dt, tolerance):
@@ -175,6 +177,7 @@ def test_degrees_of_freedom_are_those_at_the_start():
     assert report.degrees_of_freedom["byRank"] == 2
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("scheme", "dt", "tolerance"), SCHEMES)
 def test_a_motor_lifts_a_ball_from_the_floor(scheme, dt, tolerance):
     """The floor cannot pull: the impulse of the motor is that without it."""

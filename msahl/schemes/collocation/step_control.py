@@ -485,7 +485,7 @@ def cross_at_start(detector: Detector, t: float) -> None:
 @optional()
 def cross_at_end(detector: Detector, control: StepControl, t: float) -> None:
     """Let the switch whose level the accepted pair ended at cross to its other side. Where it is
-    the width of a friction law, the next pair is as long as the rate takes for another width: most
+    a width of a friction law, the next pair is as long as the rate takes for one width: most
     of what friction lacks beyond it is there, and no stage of a long pair would see it.
     """
     k, figures = detector.event[0], control.figures
