@@ -130,7 +130,8 @@ class Detection:
         """Time [s] in which the rate or the slip of an ``event`` changes by the width of its
         friction law; infinite if it is of another kind.
         """
-        return step_events.time_of_a_width(self.detector, event.margin)
+        width = float(self.detector.margins.width[event.margin])
+        return width / abs(event.rate) if width > 0.0 and event.rate else math.inf
 
     @property
     def counters(self) -> dict[str, Any]:

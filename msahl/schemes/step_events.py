@@ -246,15 +246,6 @@ def cross(detector: Detector, k: int, t: float) -> None:
 
 
 @kernel
-def time_of_a_width(detector: Detector, k: int) -> float:
-    """Time [s] in which the rate or the slip of margin ``k``, at whose level the last event was,
-    changes by the width of a friction law; infinite if it is of another kind.
-    """
-    width, change = detector.margins.width[k], abs(detector.figures[RATE])
-    return width / change if width > 0.0 and change > 0.0 else math.inf
-
-
-@kernel
 def save_sliding(detector: Detector, k: int, t: float) -> None:
     """Save that the motion slides along the level of margin ``k`` since ``t`` [s]; steps are not
     divided there any more.

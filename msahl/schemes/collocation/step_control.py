@@ -220,7 +220,7 @@ def take_pairs(
         if try_pair(subsystem, control, detector, order, done, True):
             done += 2
             write_rows(subsystem, control, times)
-            cross_at_end(detector, control, subsystem.workspace.state.time[0])
+            cross_at_end(detector, subsystem.workspace.state.time[0])
         elif ends_run(detector) > 0.0 or figures[NEXT] < TOO_SMALL * figures[END]:
             break
         if changes_contacts(detector, control) > 0.0:
@@ -483,16 +483,10 @@ def cross_at_start(detector: Detector, t: float) -> None:
 
 
 @optional()
-def cross_at_end(detector: Detector, control: StepControl, t: float) -> None:
-    """Let the switch whose level the accepted pair ended at cross to its other side. Where it is
-    a width of a friction law, the next pair is as long as the rate takes for one width: most
-    of what friction lacks beyond it is there, and no stage of a long pair would see it.
-    """
-    k, figures = detector.event[0], control.figures
-    if k < 0:
-        return
-    step_events.cross(detector, k, t)
-    figures[NEXT] = min(figures[NEXT], step_events.time_of_a_width(detector, k))
+def cross_at_end(detector: Detector, t: float) -> None:
+    """Let the switch whose level the accepted pair ended at cross to its other side."""
+    if detector.event[0] >= 0:
+        step_events.cross(detector, detector.event[0], t)
 
 
 @optional(0.0)
