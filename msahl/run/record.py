@@ -84,7 +84,11 @@ class Record:
         """
         changes = [
             drift(
-                integrator.workspace.system, before, now, float(integrator.workspace.state.time[0])
+                integrator.workspace.system,
+                before,
+                now,
+                float(integrator.workspace.state.time[0]),
+                self.extremes.kinetic,
             )
             for integrator, before in zip(self.integrators, self.momenta, strict=True)
             if before is not None and (now := _momentum(integrator)) is not None

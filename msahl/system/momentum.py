@@ -4,6 +4,7 @@ P(t) = sum m v = P(0) + M g t
 L(t) = sum m (x - x_M) x (v - v_M) + J W   stays,   M the subsystem's mass centre
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ class Momentum(NamedTuple):
     L: np.ndarray  # (3,) about the mass centre [kg m^2/s]
     P_size: float
     L_size: float
+    mass: float  # [kg]
+    inertia: float  # sum of m |x - x_M|^2 and of the largest moments of inertia [kg m^2]
 
 
 def is_alone(system: System) -> bool:
@@ -40,19 +43,29 @@ def momentum(system: System, state: State, start: SystemWorkspace) -> Momentum:
     spins = np.einsum("bij,bj->bi", start.bodies.J, W)
     x_M, v_M = (m * x).sum(axis=0) / m.sum(), (m * v).sum(axis=0) / m.sum()
     orbits = np.cross(x - x_M, m * (v - v_M))
+    largest = np.linalg.norm(start.bodies.J, 2, axis=(1, 2))
     return Momentum(
         P=(m * v).sum(axis=0),
         L=(orbits + spins).sum(axis=0),
         P_size=float(np.linalg.norm(m * v, axis=1).sum()),
         L_size=float(np.linalg.norm([*orbits, *spins], axis=1).sum()),
+        mass=float(m.sum()),
+        inertia=float((m * (x - x_M) ** 2).sum() + largest.sum()),
     )
 
 
-def drift(system: System, before: Momentum, now: Momentum, time: float) -> tuple[float, float]:
-    """Parts of the linear and the angular momentum lost since ``before``, ``time`` [s] ago."""
+def drift(
+    system: System, before: Momentum, now: Momentum, time: float, energy: float
+) -> tuple[float, float]:
+    """Parts of the linear and the angular momentum lost since ``before``, ``time`` [s] ago. They
+    are at least as large as the largest kinetic ``energy`` [J] since then makes them, by Cauchy and
+    Schwarz: the bodies may have been at rest at both times.
+    """
     impulse = system.bodies.gravity * (time / system.bodies.inverse_mass).sum()
     linear = np.linalg.norm(now.P - before.P - impulse)
     angular = np.linalg.norm(now.L - before.L)
+    fastest = math.sqrt(2.0 * energy)
     P_size = max(before.P_size, now.P_size, float(np.linalg.norm(impulse)))
-    L_size = max(before.L_size, now.L_size)
+    P_size = max(P_size, fastest * math.sqrt(now.mass))
+    L_size = max(before.L_size, now.L_size, fastest * math.sqrt(now.inertia))
     return float(linear / P_size) if P_size else 0.0, float(angular / L_size) if L_size else 0.0
