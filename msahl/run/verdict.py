@@ -460,7 +460,9 @@ def _global_error(figures: Figures, error: dict[str, Any]) -> Finding:
     by_mesh = float(mesh.get("error", 0.0))
     if by_mesh > 0.0:
         text += f", {by_mesh:.1e} m of it by the mesh of the beams"
-    limit, fail = ERROR * figures.size, ERROR_FAIL * figures.size
+    # A displacement that is wrong altogether is no size.
+    size = figures.size if largest <= figures.size else figures.length
+    limit, fail = ERROR * size, ERROR_FAIL * size
     if error.get("accuracy") is not None:
         limit = float(error["accuracy"])
         fail = min(fail, WARN_FACTOR * limit) if fail > limit else WARN_FACTOR * limit
