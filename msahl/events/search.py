@@ -48,9 +48,10 @@ def time_of_zero(
     error of the dense output, and was called for the returned time last. Values have a
     ``round_off``: one that touches zero and stays there does so at the first place found.
     """
-    t, best, noise = guess, (guess, math.inf), NOISE * abs(rate) * (high - low)
+    t, best = guess, (guess, math.inf)
+    noise = max(NOISE * abs(rate) * (high - low), round_off)
     last: tuple[float, float] | None = None
-    noise, sizes = max(noise, round_off), list[float]()
+    sizes: list[float] = []
     if not low < guess <= high:
         t = high
     for _ in range(MOST):

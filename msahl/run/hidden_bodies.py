@@ -51,10 +51,15 @@ def _shown(model: Model, name: str, count: int) -> np.ndarray:
     """Return the numbers of the columns of a table, of ``count``, that are shown."""
     if name not in WIDTHS:
         return np.arange(count)
-    hidden, width = model.hidden, WIDTHS[name]
-    bodies = [b for b, body in enumerate(model.bodies) if body.name not in hidden]
-    columns = 1 + width * np.array(bodies, dtype=int)[:, None] + np.arange(width)
+    width = WIDTHS[name]
+    columns = 1 + width * shown_numbers(model)[:, None] + np.arange(width)
     return np.r_[0, columns.ravel()]
+
+
+def shown_numbers(model: Model) -> np.ndarray:
+    """Return the numbers of the bodies that tables show."""
+    hidden = model.hidden
+    return np.flatnonzero([body.name not in hidden for body in model.bodies])
 
 
 def with_hidden(model: Model, states: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:

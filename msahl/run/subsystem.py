@@ -175,7 +175,7 @@ class SubsystemIntegrator:
         own: Workspace = begun.workspace
         system, state = with_own_doubles(own.system), State(*(a.copy() for a in own.state))
         self._place(new_workspace(system, own.unknowns, state, chunk, accelerations))
-        call = caller(self.size, self.storage if self.size < LARGE else None)
+        call = caller(self.size, self.storage)
         _prepare(self.workspace.system, self.workspace.state, self.workspace.start, call)
 
     def _take_storage(self, chunk: int, accelerations: bool) -> Storage:

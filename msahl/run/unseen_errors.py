@@ -2,8 +2,9 @@
 
 prescribed motion   oscillates between the times at which both runs evaluate it: its deviation
                     from the parabola through these times is the error [m]
-friction            a rate passes the regularisation width w [m/s] within one step: it may be
-                    wrong by w/2 until the end of the run, a displacement of w t/2 [m]
+friction            a joint's rate passes the regularisation width w [m/s] within one step of
+                    order 2: it may be wrong by w/2 until the end of the run, a displacement of
+                    w t/2 [m]
 impact              an output time that both runs reach before it, or after it, may be on its
                     other side: the velocity there is wrong by the jump
 """

@@ -75,14 +75,14 @@ def new_work_arrays(system: System, state: State, storage: Storage | None = None
     size = size_of(system)
     if storage is not None:
         start, rest = storage.place("start", start), storage.place("rest", rest)
-    return WorkArrays(start, rest, caller(size, storage if size < LARGE else None))
+    return WorkArrays(start, rest, caller(size, storage))
 
 
 def caller(size: int, storage: Storage | None) -> Callable[..., Any]:
-    """Return what calls kernels that a run of so many bodies needs once or twice, with groups of
-    the ``storage`` if there is one.
+    """Return what calls kernels that a run of so many bodies needs once or twice: with groups of
+    the ``storage`` if there is one, but for a large system.
     """
-    if storage is not None:
+    if storage is not None and size < LARGE:
         return storage.call
     return lambda kernel, *given: by_size(kernel, size)(*given)
 

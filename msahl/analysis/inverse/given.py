@@ -81,7 +81,7 @@ class Measures:
         self.system, self.tracks = system, tuple(tracks)
         self.coordinate = coordinate_numbers(system)
         self.names = [body.name for body in model.bodies]
-        self.shown = model.hidden
+        self.hidden = model.hidden
         self.number = numbers_of_bodies(model)
         widths = [3 if track.coordinate == ORIENTATION else 1 for track in tracks]
         ends = np.cumsum([0, *widths])

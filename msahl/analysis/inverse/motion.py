@@ -173,7 +173,7 @@ class Follower:
         for b, name in enumerate(self.measures.names):
             f = int(equations.system.bodies.frame[b])
             if max(nodes[frames.displacement[f]], nodes[frames.rotation[f]]) > 1e-6:
-                names.append(self.measures.shown.get(name, name))
+                names.append(self.measures.hidden.get(name, name))
         names = list(dict.fromkeys(names))
         more = len(names) - MOST_NAMED
         return [*names[:MOST_NAMED], f"{more} more bodies"] if more > 0 else names

@@ -5,7 +5,8 @@ import numpy as np
 from msahl.analysis.linearised.contact_lines import contact_lines
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, residual_in_words
-from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes, shown_rows
+from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes
+from msahl.run.hidden_bodies import shown_numbers
 
 PARTS = 3
 """Largest parts of a shape that are named."""
@@ -86,7 +87,7 @@ def largest_parts(point: Point, found: Modes, m: int) -> str:
     lengths = point.system.frames.length[point.system.bodies.frame]
     weight = np.repeat([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]], len(lengths), axis=0)
     weight[:, 3:] = lengths[:, None]
-    sizes = np.abs(found.shape[m] * weight)[shown_rows(point.model)].reshape(-1)
+    sizes = np.abs(found.shape[m] * weight)[shown_numbers(point.model)].reshape(-1)
     names = [f"{body.name}.{c}" for body in point.model.shown_bodies for c in SHAPE_COLUMNS]
     if not sizes.max(initial=0.0) > 0.0:
         sizes = np.abs(found.states[m])

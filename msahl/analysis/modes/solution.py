@@ -30,7 +30,7 @@ from msahl.analysis.modes.sparse_eigenvalues import (
     without_stiffness,
 )
 from msahl.analysis.modes.zero_eigenvalues import MOST as MOST_ZEROS
-from msahl.model import Model
+from msahl.run.hidden_bodies import shown_numbers
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 from msahl.system.names import describe_row
@@ -348,15 +348,9 @@ def shape_columns(point: Point) -> list[str]:
     return ["mode", *(f"{name}.{part}" for name in names for part in ("real", "imaginary"))]
 
 
-def shown_rows(model: Model) -> np.ndarray:
-    """Return the numbers of the bodies that tables show."""
-    hidden = model.hidden
-    return np.flatnonzero([body.name not in hidden for body in model.bodies])
-
-
 def shape_parts(point: Point, found: Modes) -> np.ndarray:
     """(m, ...) the parts of all shapes, of the bodies that are shown and of auxiliary states."""
-    shown = found.shape[:, shown_rows(point.model)]
+    shown = found.shape[:, shown_numbers(point.model)]
     m, n, width = shown.shape
     return np.concatenate([shown.reshape(m, n * width), found.states], axis=1)
 

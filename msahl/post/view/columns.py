@@ -15,7 +15,7 @@ from msahl.results.info import ResultError
 from msahl.results.sample import Sample
 from msahl.results.write import DRIVES
 from msahl.run.column_units import quantity
-from msahl.run.hidden_bodies import shown_tables
+from msahl.run.hidden_bodies import shown_tables, without_hidden
 from msahl.run.tables import AMPLITUDES, JOINTS, REACTIONS, SIGNALS, STATES
 
 LEVELS = 65535
@@ -74,8 +74,8 @@ def _in_order(sample: Sample) -> Iterator[tuple[str, tuple[list[str], np.ndarray
     """Yield the tables in the order of the graph's list, without bodies that are not shown."""
     first, shown = (DRIVES, JOINTS, AMPLITUDES, REACTIONS, SIGNALS), sample.tables
     if sample.model.hidden:
-        columns, (names, states) = shown_tables(sample.model)[STATES], shown[STATES]
-        shown = shown | {STATES: (columns, states[:, [names.index(name) for name in columns]])}
+        states = without_hidden(sample.model, {STATES: shown[STATES][1]})[STATES]
+        shown = shown | {STATES: (shown_tables(sample.model)[STATES], states)}
     yield from ((name, shown[name]) for name in first if name in shown)
     yield from ((name, table) for name, table in shown.items() if name not in first)
 

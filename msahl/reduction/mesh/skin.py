@@ -28,8 +28,8 @@ def mesh_skin(
     nodes = order[np.searchsorted(body.node_labels[order], mesh.labels)]
     if section is None:
         return thinned(_of_solids(mesh, body.node_places[nodes], body.node_shapes[nodes]))
-    half = unit * np.sqrt(3.0 * np.array([section.geometry.I3, section.geometry.I2])
-                          / section.geometry.area)  # fmt: skip
+    moments = np.array([section.geometry.I3, section.geometry.I2])
+    half = unit * np.sqrt(3.0 * moments / section.geometry.area)
     moved = body.node_shapes[nodes], rotations[nodes]
     return thinned(
         _of_beams(mesh, element_axes(mesh, section), half, body.node_places[nodes], *moved)
