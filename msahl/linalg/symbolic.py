@@ -78,7 +78,8 @@ def _merged(n: int, rows: np.ndarray, columns: np.ndarray, most: int) -> tuple[_
     k, products = 0, np.zeros(1, dtype=np.int64)
     while True:
         mark = np.full((2, n), -1)
-        k = by_size(_merge, n)((k, most), under, right, (lower, upper), mark, products)
+        merge = by_size(_merge, n, rows.size**2 // max(1, n))
+        k = merge((k, most), under, right, (lower, upper), mark, products)
         if k == n or products[0] > most:
             return lower, upper, int(products[0])
         lower, upper = _enlarged(lower), _enlarged(upper)
@@ -184,7 +185,7 @@ def transposed(lists: Lists) -> tuple[Lists, np.ndarray]:
     np.cumsum(np.bincount(lists.items, minlength=n), out=first[1:])
     out = Lists(first, np.zeros(size, dtype=np.int64))
     entry = np.zeros(size, dtype=np.int64)
-    by_size(_transpose, n)(lists, out, entry, first.copy())
+    by_size(_transpose, n, size)(lists, out, entry, first.copy())
     return out, entry
 
 
@@ -214,7 +215,7 @@ def targets(filled: Filled, base: np.ndarray, wanted: Lists) -> tuple[np.ndarray
     target = np.zeros(int(operation[-1]), dtype=np.uint32)
     place = np.zeros(wanted.items.size, dtype=np.int64)
     by_row, entry = transposed(lower)
-    by_size(_fill_targets, n)(
+    by_size(_fill_targets, n, target.size)(
         filled, by_row, entry, (base, operation), wanted, (np.zeros(n, np.int64), target, place)
     )
     return target, place

@@ -27,7 +27,7 @@ from msahl.elements.reactions import MOST_ROUNDS
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
-from msahl.linalg.elimination import new_factor
+from msahl.linalg.elimination import new_factor, products
 from msahl.ports import forces, sliding
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
@@ -232,10 +232,11 @@ def factor_at_rest(values: np.ndarray, unknowns: Unknowns) -> np.ndarray:
     """Return the sparse factors of the matrix with these block ``values`` in the ``unknowns``; not
     numbers where a pivot is zero.
     """
-    factor = new_factor(unknowns.elimination)
-    factorise = by_size(sparse_lu.factor, unknowns.elimination.order.size)
+    lu = unknowns.elimination
+    factor = new_factor(lu)
+    factorise = by_size(sparse_lu.factor, lu.order.size, products(lu))
     with np.errstate(all="ignore"):
-        factorise(unknowns.elimination, values, factor)
+        factorise(lu, values, factor)
     return factor
 
 
@@ -280,19 +281,20 @@ def solve_sparse(
     values: np.ndarray, rows: np.ndarray, unknowns: Unknowns, factor: np.ndarray | None = None
 ) -> np.ndarray | None:
     """The free unknowns (f,) by the sparse factors, or None if the matrix is (nearly) singular."""
-    order = unknowns.elimination.order
+    lu = unknowns.elimination
+    order = lu.order
     factor = factor_at_rest(values, unknowns) if factor is None else factor
     solution, left, y = np.zeros_like(rows), np.zeros_like(rows), rows[order]
     wanted = rows[unknowns.free]
-    solve = by_size(sparse_lu.solve, order.size)
+    solve = by_size(sparse_lu.solve, order.size, int(lu.base[-1]))
     largest = np.abs(wanted).max(initial=0.0)
     with np.errstate(all="ignore"):
-        solve(unknowns.elimination, factor, y)
+        solve(lu, factor, y)
         solution[order] = y
         for _ in range(REFINEMENTS):
             left[unknowns.free] = wanted - _times(values, solution[unknowns.free], unknowns)
             y = left[order]
-            solve(unknowns.elimination, factor, y)
+            solve(lu, factor, y)
             solution[order] += y
         x = solution[unknowns.free]
         good = np.abs(_times(values, x, unknowns) - wanted).max(initial=0.0) <= ROUND_OFF * largest

@@ -139,6 +139,11 @@ def coordinate_count(system: System) -> int:
     return int(system.scalar.coordinates.kind.size) if system.scalar else 0
 
 
+def product_count(system: System) -> int:
+    """Return the number of scalar products that coordinates are made of."""
+    return int(system.scalar.coordinates.products.kind.size) if system.scalar else 0
+
+
 def equation_count(system: System) -> int:
     """Return the number of scalar constraint equations, without those of coinciding points and of
     open contacts.

@@ -19,6 +19,7 @@ from msahl.system.arrays import (
     coordinate_count,
     new_system_workspace,
     node_count,
+    product_count,
 )
 
 PLAIN_CALLS = 100
@@ -50,8 +51,7 @@ class PlainFirst:
 
     def __init__(self, system: System) -> None:
         self.size, self.calls = size_of(system), 0
-        products = 0 if system.scalar is None else system.scalar.coordinates.products.kind.size
-        self.weight = 1 + products // PRODUCTS
+        self.weight = 1 + product_count(system) // PRODUCTS
 
     def __call__(self, kernel: Callable[..., Any], *given: Any) -> Any:
         """Return what the ``kernel`` returns of what is ``given``."""

@@ -11,17 +11,18 @@ import numpy as np
 from msahl.elements.beams.group import COMPONENTS
 from msahl.elements.constraints.equations import is_active
 from msahl.formulations.absolute.frames import first_multiplier, moving_count
-from msahl.system.arrays import System, node_count
+from msahl.system.arrays import System, node_count, product_count
 
 
 def evaluation_size(system: System) -> int:
     """Number of bodies, or as much work, that one evaluation takes (``by_size``).
 
-    A pair of nodes at a Gauss point of a beam takes as much as a body, and searches for equilibria
-    of beams evaluate them some ten times as often, so compiled kernels pay for small beams.
+    A pair of nodes at a Gauss point of a beam takes as much as a body, a scalar product a third of
+    it. Searches for equilibria of beams and elastic bodies evaluate some ten times as often, so
+    compiled kernels pay for small ones.
     """
     pairs = 0 if system.beams is None else system.beams.value.size * system.beams.value.shape[1]
-    return moving_count(system.frames) + 10 * pairs
+    return moving_count(system.frames) + 10 * pairs + 3 * product_count(system)
 
 
 def coordinate_numbers(system: System) -> np.ndarray:
