@@ -298,7 +298,8 @@ def _violation_rate(figures: Figures, limits: Limits) -> Iterator[Finding]:
     if not figures.joints:
         return
     rate, speed = figures.extreme("constraintViolationRateMax"), figures.extreme("speedMax")
-    floor = ROUND_OFF * figures.extreme("distanceMax") / figures.dt
+    # A model at rest in the origin has no distance and next to no speed.
+    floor = ROUND_OFF * max(figures.extreme("distanceMax"), figures.length) / figures.dt
     word = PASS if rate <= max(VIOLATION_RATE * speed, floor) else WARN
     part = f", {rate / speed:.1e} of the highest speed" if speed else ""
     advice = "" if word == PASS else ": the step size is too large for this motion; reduce --dt"
@@ -506,7 +507,8 @@ def _finer_mesh(mesh: dict[str, Any], limit: float) -> str:
 def _too_sensitive(figures: Figures, tolerance: float, text: str) -> str:
     until = figures.horizon(tolerance) if figures.horizon else 0.0
     return (
-        f"{text}: the motion amplifies round-off, and the tolerance of {tolerance:g} m is met up "
+        f"{text}: smaller steps did not help, so the motion amplifies round-off, or a load has a "
+        f"kink at which no step ends; the tolerance of {tolerance:g} m is met up "
         f"to t = {until:g} s"
     )
 

@@ -14,7 +14,7 @@ from msahl.algebra.rotation_arrays import angles
 from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.model import Limits, SpringDamper
+from msahl.model import Joint, Limits, SpringDamper
 from msahl.model.scheme import ORDER_TWO
 from msahl.model.settings import EQUILIBRIUM
 from msahl.post.cli import main as post
@@ -26,6 +26,7 @@ from tests.support.models import (
     DECKS,
     DOWN,
     ELASTIC,
+    GROUND,
     ROOT,
     body,
     build_model,
@@ -546,6 +547,18 @@ def test_the_report_gives_the_verdict(runs):
 def test_the_limit_to_fail_is_well_above_the_limit_to_warn():
     """Two runs that both err by the tolerance may differ by twice as much, not by ten times."""
     assert WARN_FACTOR > 2.0
+
+
+ALONG_Y = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2", "radau2"])
+def test_a_body_at_rest_in_the_origin_passes(scheme):
+    """Nothing is large there: distances are zero, and all speeds are the round-off of gravity."""
+    bob = body("Bob", 1.9245, (0.078, 0.0677, 0.0551))
+    guide = Joint("Guide", "prismatic", GROUND.name, "Bob", ZERO, ZERO, ALONG_Y, ALONG_Y)
+    run = simulate(build_model([bob], [guide], gravity=DOWN), scheme=scheme)
+    assert run.report.verdict["word"] == PASS, run.report.verdict["reasons"]
 
 
 def test_the_line_says_which_energy_and_which_size_it_means():
