@@ -51,6 +51,12 @@ SMALLER, SHORTER_PARTS = 0.125, 3
 """Part of a step that is taken where a slip that begins seems to end in it, and how often."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
+NEAR = 1e-9
+"""Fraction of a step by which a width of friction may be passed, where the rest of a step would be
+as short: forces would be round-off over its time."""
+FINEST = 2.0**-20
+"""Least fraction of a step with which parts begin that resolve friction: rates of change that are
+differences over a shorter one are round-off."""
 TOO_SHORT = 1e-7
 """Fraction of a step up to which an event by the forces of contacts is one at its start: in steps
 of this size forces that keep gaps closed are round-off over the square of their time, and sliding
@@ -352,7 +358,8 @@ class FixedStepper:
         """
         assert self.method.detection
         self.method.detection.cross(event)
-        self.solved_part, self.resolving = math.inf, self.method.detection.time_of_a_width(event)
+        time = self.method.detection.time_of_a_width(event)
+        self.solved_part, self.resolving = math.inf, max(time, FINEST * self.h)
         if self.contacts is None:
             return True
         from msahl.contact.modes import ContactsUnsolved  # which few models need
@@ -580,6 +587,9 @@ class FixedStepper:
         try:
             near = detection.round_off(event.margin)
             part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest, near)
+            if part < rest <= part + NEAR and detection.time_of_a_width(event) < math.inf:
+                margin(rest)
+                part = rest
         except NoStep:
             return math.nan
         if part > (TOO_SHORT if detection.is_force(event.margin) else SHORTEST):

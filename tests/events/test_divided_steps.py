@@ -15,11 +15,13 @@ from msahl.model import Joint, JointMotion, Options
 from msahl.model.loads import JointSpring
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import WARN
+from msahl.schemes import fixed_stepper
+from msahl.schemes.detection import Detection
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from tests.run.test_resume import advance as in_memory
 from tests.run.test_resume import bits, in_two_parts, same_run
-from tests.support.models import GROUND, ROOT, body, build_model
+from tests.support.models import GROUND, ROOT, body, build_model, friction
 from tests.support.models import simulate_and_estimate as simulate
 
 MASS, STIFFNESS, FREE = 2.0, 200.0, 0.3
@@ -227,3 +229,36 @@ def test_subsystems_end_their_steps_apart():
     both = simulate(bouncing(2), dt=0.05, scheme="gauss3", solver="newton", error="off")
     assert both.report.subsystems == 2
     assert np.array_equal(both.states[:, 1:13], alone.states[:, 1:13])
+
+
+@pytest.mark.parametrize("short", [0.0, 3e-13])
+def test_no_part_is_round_off(monkeypatch, short):
+    """Where a width of friction is passed next to the end of a part, it ends with that part:
+    forces would be round-off over the time of the rest. So would be the time of a width that
+    begins the next parts.
+    """
+    found, sizes = fixed_stepper.time_of_zero, []
+
+    def early(function, guess, rate, low, high, near):
+        time = found(function, guess, rate, low, high, near)
+        ends = high - short if short else time
+        function(ends)
+        return ends
+
+    def taken(stepper, h, share, tried):
+        sizes.append(h)
+        return solve_once(stepper, h, share, tried)
+
+    solve_once = fixed_stepper.FixedStepper._solve_once
+    monkeypatch.setattr(fixed_stepper, "time_of_zero", early)
+    monkeypatch.setattr(fixed_stepper.FixedStepper, "_solve_once", taken)
+    monkeypatch.setattr(Detection, "time_of_a_width", lambda self, event: 1e-17)
+    rail = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO)
+    rub = friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-3)
+    bob = body(velocity=(0.0, 0.0, 0.5))
+    model = build_model([bob], [rail], [rub], gravity=(9.81, 0.0, 0.0))
+    run = simulate(model, dt=0.01, t_final=0.3, scheme="gauss2", error="off", solver="newton")
+    assert run.report.status == "completed"
+    assert 0.005 in sizes  # the step was divided, and its parts became longer
+    # In a millionth of a step its difference of momenta has ten digits.
+    assert min(sizes) >= 0.95e-6 * 0.01
