@@ -250,7 +250,7 @@ class CollocationMethod:
 
     def reset_prediction(self) -> None:
         """See ``StepMethod``."""
-        newton.reset_prediction(self.subsystem)
+        self._forget()
         dense_output.save_end(self.subsystem.dense_output.begin, self.workspace)
 
     @property
@@ -262,8 +262,17 @@ class CollocationMethod:
     def _checked(self, outcome: Outcome) -> Outcome:
         """Return the ``outcome``; after a failure discard the predictor's history."""
         if not outcome.converged:
-            newton.reset_prediction(self.subsystem)
+            self._forget()
         return outcome
+
+    def _forget(self) -> None:
+        """Begin the next step without what earlier ones have left: also without reactions that a
+        step has iterated beyond all numbers.
+        """
+        newton.reset_prediction(self.subsystem)
+        reaction = self.subsystem.stages.reaction
+        if not np.isfinite(reaction).all():
+            reaction[:] = self.workspace.state.reaction
 
 
 class AdaptiveStepper:

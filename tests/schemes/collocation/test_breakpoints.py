@@ -1,5 +1,7 @@
 """Steps by tolerance end at breakpoints, of time and of quantities, and follow driven motions."""
 
+import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -9,6 +11,7 @@ from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Joint
 from msahl.model.loads import JointSpring
+from msahl.run.subsystem import SubsystemIntegrator
 from tests.schemes.collocation.test_step_control import adaptive
 from tests.support.models import (
     GROUND,
@@ -115,3 +118,22 @@ def test_driven_shafts_rotate_as_they_must(scheme):
         # The shafts' energy is 0.1 J: what of it the motor gives and takes is as exact.
         work = np.abs(run.column("Motor.work") - known.column("Motor.work")).max()
         assert work <= max(10.0 * tolerance, 1e-9)
+
+
+def test_a_step_after_one_that_went_beyond_all_numbers():
+    """Reactions that friction depends on are iterated from those of the last attempt: not from its
+    nan. The next attempt succeeds as the first
+    one does.
+    """
+    model = deck("friction_slide")
+    simulation = replace(model.simulation, scheme="gauss", degree=2)
+    integrator = SubsystemIntegrator(replace(model, simulation=simulation), "newton", False, 4)
+    method, h = integrator.stepper.method, 0.1 * simulation.dt
+    before = integrator.stepper._saved()
+    first = method.take_step(h, 0.1)
+    assert first.converged
+    integrator.stepper._go_back(before)
+    method.subsystem.stages.reaction[:] = math.nan
+    assert not method.take_step(h, 0.1).converged
+    integrator.stepper._go_back(before)
+    assert method.take_step(h, 0.1).converged
