@@ -194,7 +194,7 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         if self.moved is None:
             close_rounded(system, state)
-        nodes = node_order(system) if self.size >= LARGE else None
+        nodes = node_order(system) if self.size >= LARGE and not self.changes else None
         unknowns = choose(system, all_unknowns(system), nodes)
         work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)
         at_rest: np.ndarray | None = jacobian_at_rest(system, state, work_arrays)
