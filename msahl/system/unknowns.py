@@ -75,7 +75,7 @@ def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None)
 
 
 def _fills_up(pattern: Pattern, free: np.ndarray, nodes: np.ndarray) -> bool:
-    """Whether the factors of a system in space have so many entries that dense panels are quicker,
+    """Whether the factors of a system in space have so many entries that dense panels are faster,
     and take a fraction of the memory: the list of all products would be the largest array by far.
     """
     limit = PANELS * nodes.size
