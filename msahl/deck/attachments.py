@@ -60,7 +60,9 @@ def attach_to_beams(root: Element, reader: Reader) -> None:
 def _refuse_places(root: Element, reader: Reader) -> None:
     """Add a fault for every place on a beam in a deck without beams."""
     # XPath is evaluated by libxml2, and ``iterfind`` by Python.
-    if not any(root.xpath(f"boolean(system/descendant::*/@{key})") for key in ("node", "station")):
+    paths = BODIES if reader.faults.none else ("system/descendant::*",)
+    places = "@*[name() = 'node' or name() = 'station']"
+    if not any(root.xpath(f"boolean({path}/{places})") for path in paths):
         return
     for label in root.iterfind("system/*//*"):
         if label.get("node") or label.get("station"):

@@ -42,7 +42,7 @@ from msahl.deck.motions import (
     read_joint_motion,
     read_point_motion,
 )
-from msahl.deck.references import check_references, is_complete
+from msahl.deck.references import check_references, is_complete, plain_names
 from msahl.deck.shapes import read_shapes
 from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
@@ -87,6 +87,8 @@ ON_BEAMS: Mapping[str, Callable[[Element, Reader], Iterable[ConcentratedLoad]]] 
     "distributed": read_line_load,
 }
 MARKERS = ("marker", "distance", "angle")
+ELASTIC = ("beam", "beamOfBodies", "elasticBody")
+"""Bodies that have columns beside those of loads in work.csv."""
 TAGS = frozenset(
     (
         *BODIES,
@@ -205,7 +207,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         markers=tuple(markers),
         sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
-        shapes=tuple(_read_shapes(sound["bodies"], reader)),
+        shapes=tuple(_read_shapes(root, sound["bodies"], reader)),
         beams=tuple(built.beam for built in beams if built.beam is not None),
         beam_shapes=tuple(built.shape for built in beams if built.shape is not None),
         elastic_bodies=tuple(built.body for built in elastic if built.body is not None),
@@ -301,8 +303,10 @@ def _read_beams_of_bodies(sound: list[Element], reader: Reader) -> "list[BuiltBe
     return [BuiltBeam(records[0], (), records[1]) for records in found if records]
 
 
-def _read_shapes(elements: list[Element], reader: Reader) -> Iterator[Shape]:
+def _read_shapes(root: Element, elements: list[Element], reader: Reader) -> Iterator[Shape]:
     """Yield the shapes, of grounds before those of bodies."""
+    if not root.xpath("boolean(system/bodies/*/shapes)"):
+        return
     elements = [element for element in elements if element.find("shapes") is not None]
     for element in sorted(elements, key=lambda element: element.tag != "ground"):
         yield from read_shapes(element, reader)
@@ -367,6 +371,8 @@ def _read_events(
     sound: list[Element], root: Element, contacts: Sequence[Contact], reader: Reader
 ) -> tuple[Event, ...]:
     """Return the events, once all that they may name is known."""
+    if not sound:
+        return ()
     for path in ("joints/*", "motions/*", "contacts/*"):
         names = [e.find("name") for e in root.iterfind(f"system/{path}") if is_switchable(e)]
         reader.context.switchable.update((text(name), None) for name in names)
@@ -394,16 +400,14 @@ def _check_names(root: Element, faults: Faults) -> None:
 
 def _check_names_of(groups: Collection[str], root: Element, faults: Faults) -> None:
     """Check the names of ``groups`` that share one set of names."""
+    reserved = RESERVED if "loads" in groups else ()
+    if _names_are_right(groups, root, faults, reserved):
+        return
     records = [record for group in groups for record in root.iterfind(f"system/{group}/*")]
-    if "loads" in groups:  # elastic elements have columns beside those of loads in work.csv
-        records += [
-            *root.iterfind("system/bodies/beam"),
-            *root.iterfind("system/bodies/beamOfBodies"),
-            *root.iterfind("system/bodies/elasticBody"),
-        ]
+    if "loads" in groups:
+        records += [record for tag in ELASTIC for record in root.iterfind(f"system/bodies/{tag}")]
     labels = [label for record in records if (label := _label(record)) is not None]
     names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]
-    reserved = RESERVED if "loads" in groups else ()
 
     def line(index: int) -> str:
         return faults.line_in_words(labels[index])
@@ -412,6 +416,17 @@ def _check_names_of(groups: Collection[str], root: Element, faults: Faults) -> N
         faults.add(labels[index], message)
         if first is not None:
             faults.doubt(labels[first])  # a reference may mean either of the two
+
+
+def _names_are_right(
+    groups: Collection[str], root: Element, faults: Faults, reserved: Collection[str]
+) -> bool:
+    """Return whether the names of ``groups`` are seen to be right without their elements."""
+    paths = [f"system/{group}/*" for group in groups]
+    paths += [f"system/bodies/{tag}" for tag in ELASTIC] if "loads" in groups else []
+    found = [plain_names(root, path, faults) for path in paths]
+    names = [name for some in found if some is not None for name in some]
+    return None not in found and not any(name_messages(names, str, reserved))
 
 
 def _label(record: Element) -> Element | None:
@@ -425,29 +440,38 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> BodiesAli
     A body with faults is known by name, so that references to it resolve.
     """
     context = reader.context
-    path = "system/bodies/*[not(self::beamOfBodies)]/name"
-    for name in cast(list[Element], root.xpath(path)):
-        context.axes.setdefault(text(name), IDENTITY)
+    path = "system/bodies/*[not(self::beamOfBodies)]"
+    for name in plain_names(root, path, reader.faults) or _texts(root, f"{path}/name"):
+        context.axes.setdefault(name, IDENTITY)
     for element in root.iterfind("system/bodies/ground"):
         context.grounds[text(element.find("name"))] = None
     if not is_complete(root, "bodies", TAGS):
         context.grounds.setdefault(INERTIAL)
     alike = BodiesAlike(sound, reader)
-    for element, axes in zip(sound, alike.axes(), strict=True):
+    names = plain_names(root, "system/bodies/*", reader.faults)
+    names = [text(e.find("name")) for e in sound] if names is None else names
+    for element, name, axes in zip(sound, names, alike.axes(), strict=True):
         if element.tag == "beamOfBodies":
             continue
         if axes is None:
             orientation = reader.orientation(element)
             axes = IDENTITY if orientation is ZERO else matrix(orientation)
-        context.axes[text(element.find("name"))] = axes
+        context.axes[name] = axes
     return alike
+
+
+def _texts(root: Element, path: str) -> list[str]:
+    return list(map(text, cast(list[Element], root.xpath(path))))
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:
     """Make every joint's kind known, with faults or without, before anything refers to it."""
-    for element in root.iterfind("system/joints/*"):
+    elements = list(root.iterfind("system/joints/*"))
+    names = plain_names(root, "system/joints/*", reader.faults)
+    names = [text(e.find("name")) for e in elements] if names is None else names
+    for element, name in zip(elements, names, strict=True):
         if element.tag in JOINT_KINDS:
-            reader.context.kinds.setdefault(text(element.find("name")), str(element.tag))
+            reader.context.kinds.setdefault(name, str(element.tag))
 
 
 def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:

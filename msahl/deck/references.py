@@ -53,6 +53,16 @@ def check_references(root: Element, tags: Collection[str], reader: Reader) -> No
             reader.faults.add(r.owner, unresolved(r.role, r.name, kind, names), r.at)
 
 
+def plain_names(root: Element, path: str, faults: Faults) -> list[str] | None:
+    """Return the names of the elements at a path, without looking at each of these; None if not
+    all of them have one of the same kind, an element or an attribute, or if there are faults."""
+    for place in ("name/text()", "@name") if faults.none else ():
+        names = cast(list[str], root.xpath(f"{path}/{place}", smart_strings=False))
+        if len(names) == root.xpath(f"count({path})"):
+            return list(map(collapsed, names))
+    return None
+
+
 def _names_at(root: Element, paths: Sequence[str]) -> set[str]:
     """Return the texts of all elements at the ``paths`` and of all attributes ``basis``."""
     # XPath is evaluated by libxml2, and ``iterfind`` by Python.

@@ -23,7 +23,12 @@ from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.start.positions import Assembled, assemble, close_rounded
-from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
+from msahl.start.redundancy import (
+    constraint_rank,
+    is_regular,
+    is_tree_of_points,
+    non_unique_reactions,
+)
 from msahl.start.velocities import (
     StartError,
     VelocityChange,
@@ -194,12 +199,14 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         if self.moved is None:
             close_rounded(system, state)
-        nodes = node_order(system) if self.size >= LARGE else None
-        unknowns = choose(system, all_unknowns(system), nodes)
+        nodes = node_order(system) if self.size >= LARGE and not self.changes else None
+        independent = self.size >= LARGE and is_tree_of_points(system)
+        unknowns = None if independent else choose(system, all_unknowns(system), nodes)
         work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)
         at_rest: np.ndarray | None = jacobian_at_rest(system, state, work_arrays)
-        self.rank = constraint_rank(system, state, unknowns, at_rest)
-        self.redundant = multiplier_count(system) - self.rank
+        count = multiplier_count(system)
+        self.rank = count if independent else constraint_rank(system, state, unknowns, at_rest)
+        self.redundant = count - self.rank
         self.shared = {}
         self._add_shared(system, state, at_rest)
         if _prepare(system, state, work_arrays.start, work_arrays.call):
@@ -209,7 +216,7 @@ class SubsystemIntegrator:
         engaged = with_all_engaged(system, self.switches)
         self.axis = None if full else plane_normal(engaged, start, pushes)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
-        if free.size < unknowns.free.size:
+        if unknowns is None or free.size < unknowns.free.size:
             unknowns = choose(stay_in_plane(system, start, self.axis), free, nodes)
         self.change = make_consistent(system, state, free, model.velocity, work_arrays)
         # Contacts may be redundant with each other, as the corners of a box are.

@@ -80,6 +80,25 @@ def constraint_rank(
     return int(equations.sum()) - null_space(G[equations]).shape[1]
 
 
+def is_tree_of_points(system: System) -> bool:
+    """Return whether all constraints are points that coincide, and none closes a loop of bodies.
+
+    They are independent then, wherever the bodies are: each moves a body that those before do not.
+    """
+    if system.scalar is not None or system.beams is not None:
+        return False
+    leader = list(range(moving_count(system.frames) + 1))
+    for a, b in zip(system.coincide.a.tolist(), system.coincide.b.tolist(), strict=True):
+        while leader[a] != a:
+            leader[a] = a = leader[leader[a]]
+        while leader[b] != b:
+            leader[b] = b = leader[leader[b]]
+        if a == b:
+            return False
+        leader[b] = a
+    return True
+
+
 def is_regular(
     system: System, state: State, unknowns: Unknowns, values: np.ndarray | None = None
 ) -> bool:

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.structure_decks import structure_deck
+from msahl.deck.source import Source
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.start import redundancy, velocities
 from msahl.start.velocities import jacobian_at_rest, make_consistent, solve_sparse
@@ -118,3 +120,23 @@ def _leaves(value):
             yield from _leaves(part)
     else:
         yield value
+
+
+@pytest.mark.parametrize(("kind", "is_tree"), [("chain", True), ("tree", True), ("net", False)])
+def test_points_without_loops_are_independent(kind, is_tree):
+    model = Source.of(structure_deck(kind, 60).encode()).model()
+    system = build_system(model)
+    assert redundancy.is_tree_of_points(system) is is_tree
+    if is_tree:
+        # Computed in the configuration of the deck, from the equations' derivatives.
+        rank = redundancy.constraint_rank(system, build_state(model, system))
+        assert rank == multiplier_count(system)
+
+
+def test_two_points_between_the_same_bodies_are_no_tree():
+    deck = structure_deck("chain", 3)
+    joint = deck[deck.index("<spherical>") : deck.index("</spherical>") + len("</spherical>")]
+    name = joint[joint.index("<name>") : joint.index("</name>")]
+    deck = deck.replace(joint, joint + joint.replace(name, f"{name}Again", 1))
+    model = Source.of(deck.encode()).model()
+    assert not redundancy.is_tree_of_points(build_system(model))
