@@ -236,7 +236,7 @@ MUTANTS = (
            "for widths in (1.0, FAST):", "for widths in (1.0,):",
            (f"{ESTIMATE}::test_auto_sees_the_friction_beyond_its_width",)),
     Mutant("steps: the part after the width of friction is as long as any",
-           "self.resolving = math.inf, self.method.detection.time_of_a_width(event)",
+           "self.resolving = math.inf, max(time, FINEST * self.h)",
            "self.resolving = math.inf, math.inf",
            (f"{ESTIMATE}::test_steps_are_divided_where_friction_changes_fast",)),
     Mutant("steps: a companion takes the same part up to an event",
