@@ -29,7 +29,7 @@ class Elimination(NamedTuple):
     target: np.ndarray | None  # (operations,) places in the factor, in 32 bits: the longest by far
     source: np.ndarray  # (q,) places in the block values ...
     place: np.ndarray  # (q,) ... and where they go in the factor
-    supernodes: Supernodes | None  # of a system with beams, which has no ``other`` and ``target``
+    supernodes: Supernodes | None  # with dense panels; there is no ``other`` and ``target`` then
 
 
 class _Entries(NamedTuple):

@@ -1,8 +1,8 @@
-"""LU factorisation by dense panels, of systems with beams.
+"""LU factorisation by dense panels: of systems with beams in space, and of large nets.
 
 Its supernodes are those of ``supernodes``; it stands in place of ``sparse_lu`` and
-``block_lu``. An element of a beam couples all its nodes and stress resultants, so nearly all its
-work is on dense blocks. A panel of U has the rows of the pivots of a supernode, one of L below it
+``block_lu``. An element of a beam couples all its nodes and stress resultants, and so do the last
+of many loops, so nearly all the work is on dense blocks. A panel of U has the rows of the pivots of a supernode, one of L below it
 the rows of all later pivots that they couple with. After a panel is factored, its product L U is
 taken from later panels, rectangle by rectangle:
 

@@ -1,4 +1,4 @@
-"""Find the supernodes of a system with beams: groups of pivots that are eliminated together.
+"""Find the supernodes of a system: groups of pivots that are eliminated together.
 
 Nodes in their order of elimination (``node_order``) make a supernode if they follow each other and
 couple with the same later nodes. With its s pivots and the r later pivots that these couple with
