@@ -12,9 +12,9 @@ from msahl.importers.bodies import Parts
 from msahl.importers.loads import add_actuator
 from msahl.importers.made import Made
 from msahl.importers.reading import Log
-from msahl.importers.robot import Drive, Thrust
+from msahl.importers.robot import Control, Drive, Thrust
 from msahl.importers.spatial_loads import add_moment, rates_of, rotation_of
-from msahl.model import ConcentratedLoad, Signal
+from msahl.model import ConcentratedLoad, Signal, SignalState
 
 
 def add_drive(drive: Drive, made: Made, log: Log) -> None:
@@ -23,7 +23,7 @@ def add_drive(drive: Drive, made: Made, log: Log) -> None:
         log.lost(drive.element, "its joint has no coordinate of its own in the deck")
         return
     expression = drive.expression
-    values = {"u": _control(drive.name, drive.control, made)}
+    values = _control(drive.name, drive.control, made)
     for key, is_rate in (("l", False), ("v", True)):
         if f"{{{key}}}" in expression:
             values[key] = _sum(drive, made, is_rate)
@@ -43,13 +43,19 @@ def add_drive(drive: Drive, made: Made, log: Log) -> None:
             add_actuator(name, made.along[joint], force if c == 1.0 else f"{c!r}*({force})", made)
 
 
-def _control(name: str, value: float | None, made: Made) -> str:
-    """Add the signal of a control, and return its name as expressions have it; "" without one."""
-    if value is None:
-        return ""
-    control = made.names.unique(f"{name} control")
-    made.signals.append(Signal(control, Number(value)))
-    return text_of(Name(control))
+def _control(name: str, control: Control | None, made: Made) -> dict[str, str]:
+    """Add the signal of a control and its state, if it has one, and return the texts of both."""
+    if control is None:
+        return {}
+    label = made.names.unique(f"{name} control")
+    made.signals.append(Signal(label, Number(control.value)))
+    values = {"u": text_of(Name(label))}
+    if control.rate:
+        label = made.names.unique(f"{name} activation")
+        values["a"] = text_of(Name(label))
+        rate = parse(control.rate.format(**values))
+        made.signals.append(SignalState(label, rate, control.activation))
+    return values
 
 
 def _sum(drive: Drive, made: Made, is_rate: bool) -> str:
@@ -79,6 +85,6 @@ def add_thrust(thrust: Thrust, parts: Parts, made: Made, log: Log) -> None:
         return
     place = pose.after(thrust.place)
     force, moment = (plain_vector(place.R @ a) for a in (thrust.force, thrust.moment))
-    tree = parse(thrust.expression.format(u=_control(thrust.name, thrust.control, made)))
+    tree = parse(thrust.expression.format(**_control(thrust.name, thrust.control, made)))
     load = (made.names.unique(thrust.name), body, plain_vector(place.p), force, body, moment, body)
     made.loads.append(ConcentratedLoad(*load, expression=tree))

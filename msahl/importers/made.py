@@ -6,7 +6,7 @@ from msahl.algebra.vector import Matrix
 from msahl.importers.joints import Start
 from msahl.importers.names import Names
 from msahl.importers.robot import Axis
-from msahl.model import Coupling, Joint, Marker, RigidBody, Signal
+from msahl.model import Coupling, Joint, Marker, RigidBody, Signal, SignalState
 from msahl.model.loads import Load
 
 
@@ -47,7 +47,7 @@ class Made:
     """Starts of joints by the names of the axes that they have."""
     couplings: list[Coupling] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
-    signals: list[Signal] = field(default_factory=list)
+    signals: list[Signal | SignalState] = field(default_factory=list)
     markers: list[Marker] = field(default_factory=list)
     along: dict[str, Along] = field(default_factory=dict)
     balls: dict[str, Ball] = field(default_factory=dict)

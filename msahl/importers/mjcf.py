@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msahl.deck.faults import Element, attribute
 from msahl.importers.meshes import MeshFiles
-from msahl.importers.mjcf_actuators import Targets, read_actuators
+from msahl.importers.mjcf_actuators import Targets, has_activation, read_actuators
 from msahl.importers.mjcf_bodies import Tree, read_world
 from msahl.importers.mjcf_contacts import read_contacts
 from msahl.importers.mjcf_equalities import read_equalities
@@ -163,11 +163,12 @@ def _set_keyframe(
         if key not in chosen:
             log.lost(key, f"--key {name} starts there" if name else "it has no name")
     for key in chosen[:1]:
-        _apply(key, tree, controls, log)
+        _apply(key, tree, log)
+        _set_controls(key, root, controls, log)
 
 
-def _apply(key: Element, tree: Tree, controls: Sequence[Drive | Thrust | None], log: Log) -> None:
-    """Set coordinates, rates and controls of a keyframe."""
+def _apply(key: Element, tree: Tree, log: Log) -> None:
+    """Set coordinates and rates of a keyframe."""
     axes = tree.axes.values()
     counts = [COORDINATES[axis.kind] for axis in axes]
     sizes = [sum(count[level] for count in counts) for level in (0, 1)]
@@ -183,6 +184,17 @@ def _apply(key: Element, tree: Tree, controls: Sequence[Drive | Thrust | None], 
         elif n == 1:
             axis.rate = v[0]
         q, v = q[m:], v[n:]
-    for drive, value in zip(controls, several(key, "ctrl", log, 10**6), strict=False):
-        if drive is not None:
-            drive.control = value
+
+
+def _set_controls(
+    key: Element, root: Element, controls: Sequence[Drive | Thrust | None], log: Log
+) -> None:
+    """Set the controls and the states of actuators, which count as well if they are not carried
+    over."""
+    pairs = list(zip(root.iterfind("actuator/*"), controls, strict=True))
+    states = [actuator for element, actuator in pairs if has_activation(element)]
+    for name, field, actuators in (("ctrl", "value", controls), ("act", "activation", states)):
+        values = several(key, name, log, 10**6)
+        for actuator, value in zip(actuators, values, strict=False):
+            if actuator is not None and actuator.control is not None:
+                setattr(actuator.control, field, value)

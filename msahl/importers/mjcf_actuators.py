@@ -8,10 +8,14 @@ rotation vector in the link's axes) or of a fixed tendon, and f loads every coor
     motor       f = u                       position    f = kp (u - l) - kv l_dot
     velocity    f = kv (u - l_dot)          damper      f = -kv l_dot u
 
+    cylinder    f = A u + b0 + b1 l + b2 l_dot
+
 A site has the length zero: it is pushed along and about its own axes by six numbers of gear. Of
-actuators with g0 = -b1 a positive b2 is a damping ratio.
+actuators with g0 = -b1 a positive b2 is a damping ratio. With activation dynamics a state takes the
+place of u: a_dot = (u - a)/T, or a_dot = u of an integrator.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,15 +25,19 @@ from msahl.deck.faults import Element, attribute
 from msahl.importers.mjcf_inertia import ReferenceInertia, damping_of
 from msahl.importers.mjcf_settings import Settings, resolved, several
 from msahl.importers.reading import Log, number, numbers
-from msahl.importers.robot import Axis, Drive, Pose, Terms, Thrust
+from msahl.importers.robot import Axis, Control, Drive, Pose, Terms, Thrust
 
 Law = tuple[list[float], list[float]]
 """g and b, three numbers each."""
 READ = (
     "name", "class", "joint", "jointinparent", "tendon", "site", "gear", "ctrlrange", "ctrllimited",
     "forcerange", "forcelimited", "kp", "kv", "dampratio", "inheritrange", "gainprm", "biasprm",
-    "gaintype", "biastype", "dyntype", "group", "user",
+    "gaintype", "biastype", "dyntype", "dynprm", "timeconst", "area", "diameter", "bias", "actdim",
+    "actearly", "actlimited", "actrange", "group", "user",
 )  # fmt: skip
+FILTERS = ("filter", "filterexact")
+SHORTEST = 1e-15
+"""Shortest time constant [s], as in MuJoCo."""
 TRANSMISSIONS = ("joint", "jointinparent", "tendon", "site")
 
 
@@ -60,7 +68,7 @@ def _actuator(element: Element, targets: Targets, log: Log) -> Drive | Thrust | 
     terms = _terms(element, targets, log)
     if terms is None:
         return None
-    reason = _reason(element)
+    reason = _reason(element, targets.settings)
     if reason:
         log.lost(element, reason)
         return None
@@ -68,8 +76,10 @@ def _actuator(element: Element, targets: Targets, log: Log) -> Drive | Thrust | 
         if name not in READ:
             log.lost(element, f"its {name}")
     g, b = _damped(element, _LAWS[str(element.tag)](element, log), terms, targets, log)
-    control, u = _control(element, targets, log)
-    force = _clamped(element, _force(g, b, u), targets.settings, log)
+    u = _input(element, targets, log)
+    control = Control(rate=_rate(element, u, log))
+    force = _force(g, b, "{a}" if control.rate else u)
+    force = _clamped(element, force, targets.settings, log)
     on = next(attribute(element, name) for name in TRANSMISSIONS if name in element.attrib)
     name = attribute(element, "name") or f"{on} actuator"
     if "site" not in element.attrib:
@@ -117,16 +127,38 @@ def _gear(element: Element, log: Log) -> list[float]:
     return several(element, "gear", log, 6) or [1.0]
 
 
-def _reason(element: Element) -> str:
+def _reason(element: Element, settings: Settings) -> str:
     """Return why an actuator cannot be carried over; "" if it can."""
     if element.tag not in _LAWS:
         return f"msahl has no {element.tag} actuator"
-    if element.get("dyntype", "none") != "none" or element.get("timeconst", "0") != "0":
-        return "an actuator with activation dynamics"
+    dynamics = element.get("dyntype", "none")
+    if dynamics not in ("none", "integrator", *FILTERS):
+        return f"an actuator with dyntype {dynamics}"
+    given = {str(key): str(value) for key, value in element.attrib.items()}
+    if has_activation(element) and settings.is_limited(given, "act"):
+        return "an actuator whose activation has limits"
     types = element.get("gaintype", "fixed"), element.get("biastype", "none")
     if types[0] not in ("fixed", "affine") or types[1] not in ("none", "affine"):
         return f"an actuator with gaintype {types[0]} and biastype {types[1]}"
     return ""
+
+
+def has_activation(element: Element) -> bool:
+    """Return whether an actuator has a state."""
+    if element.tag in ("muscle", "intvelocity", "cylinder"):
+        return True
+    constant = element.get("timeconst", "0").strip()
+    return element.get("dyntype", "none") != "none" or constant.strip("0.") != ""
+
+
+def _rate(element: Element, u: str, log: Log) -> str:
+    """Return the rate of the state of an actuator with the input ``u``; "" if it has none."""
+    if not has_activation(element):
+        return ""
+    if element.get("dyntype") == "integrator":
+        return u
+    T = number(element, "timeconst", log, (several(element, "dynprm", log, 10) or [1.0])[0])
+    return f"({u} - {{a}})/{max(T, SHORTEST)!r}"
 
 
 def _damped(element: Element, law: Law, terms: Terms, targets: Targets, log: Log) -> Law:
@@ -143,17 +175,15 @@ def _damped(element: Element, law: Law, terms: Terms, targets: Targets, log: Log
     return g, [b[0], b[1], -damping_of(ratio, g[0], terms, targets.inertia)]
 
 
-def _control(element: Element, targets: Targets, log: Log) -> tuple[float, str]:
-    """Return the control at rest, and the expression of it: within its range, if it has one."""
+def _input(element: Element, targets: Targets, log: Log) -> str:
+    """Return the expression of a control: within its range, if it has one."""
     given = {str(key): str(value) for key, value in element.attrib.items()}
     low, high = 0.0, 0.0
     if "ctrlrange" in given and targets.settings.is_limited(given, "ctrl"):
         low, high = numbers(element, "ctrlrange", log, count=2)
     elif number(element, "inheritrange", log):
         low, high = _inherited(element, targets, log)
-    if low >= high:
-        return 0.0, "{u}"
-    return 0.0, f"min(max({{u}}, {low!r}), {high!r})"
+    return f"min(max({{u}}, {low!r}), {high!r})" if low < high else "{u}"
 
 
 def _inherited(element: Element, targets: Targets, log: Log) -> tuple[float, float]:
@@ -213,11 +243,19 @@ def _general(element: Element, log: Log) -> Law:
     return g, b if element.get("biastype", "none") == "affine" else [0.0, 0.0, 0.0]
 
 
+def _cylinder(element: Element, log: Log) -> Law:
+    area = number(element, "area", log, 1.0)
+    if number(element, "diameter", log) > 0.0:
+        area = 0.25 * math.pi * number(element, "diameter", log) ** 2
+    return [area, 0.0, 0.0], [*several(element, "bias", log, 3), 0.0, 0.0, 0.0][:3]
+
+
 _LAWS = {
     "motor": _motor,
     "position": _position,
     "velocity": _velocity,
     "damper": _damper,
+    "cylinder": _cylinder,
     "general": _general,
 }
 """Kinds of actuators."""

@@ -191,23 +191,33 @@ slide has one, a ball three, of its rotation vector in the axes of the link."""
 
 
 @dataclass
+class Control:
+    """A control of an actuator: a signal with a ``value``, for which {u} stands in expressions.
+    With a ``rate`` the actuator has a state as well, for which {a} stands: it begins at
+    ``activation`` and has this rate, an expression of both."""
+
+    value: float = 0.0
+    rate: str = ""
+    activation: float = 0.0
+
+
+@dataclass
 class Drive:
     """A force f along a length l, the sum of ``terms``: it loads each coordinate by c f. f is the
-    ``expression``, in which {l} and {v} stand for the length and its rate and {u} for the signal
-    with the value ``control``; None: there is none."""
+    ``expression``, in which {l} and {v} stand for the length and its rate, and those of the
+    ``control`` for its values; None: there is none."""
 
     name: str
     terms: Terms
     expression: str
-    control: float | None
+    control: Control | None
     element: Element
 
 
 @dataclass
 class Thrust:
     """A ``force`` (3,) [N] at the origin of the frame ``place`` of a ``link`` and a ``moment`` (3,)
-    [N m], both in the axes of that frame, times the ``expression``, in which {u} stands for the
-    signal with the value ``control``."""
+    [N m], both in the axes of that frame, times the ``expression`` of its ``control``."""
 
     name: str
     link: str
@@ -215,7 +225,7 @@ class Thrust:
     force: np.ndarray
     moment: np.ndarray
     expression: str
-    control: float
+    control: Control
     element: Element
 
 

@@ -93,6 +93,13 @@ MODELS = {
             first='springdamper="0.5 0.4"', second='springdamper="0.2 1"'
         )
     ),
+    "actuators with states": model(
+        CHAIN,
+        f'{TENDONS}<actuator><position joint="j1" kp="20" kv="2" timeconst="0.2"/>'
+        '<cylinder joint="j2" timeconst="0.3" diameter="2" bias="1 2 -3" ctrlrange="-1 0.5"/>'
+        '<general tendon="T" dyntype="filter" dynprm="0.1" gaintype="affine" gainprm="3 1 2"/>'
+        '<general joint="j3" dyntype="integrator" gainprm="4"/></actuator>',
+    ),
     "weights taken off": model(
         CHAIN.replace('"b"', '"b" gravcomp="0.7"')
         .replace('"c"', '"c" gravcomp="1"')
@@ -131,6 +138,7 @@ def reference(text):
     data.qvel[:] = random.uniform(-AMPLITUDE, AMPLITUDE, found.nv)
     mujoco.mj_integratePos(found, data.qpos, random.uniform(-AMPLITUDE, AMPLITUDE, found.nv), 1.0)
     data.ctrl[:] = random.uniform(-1.0, 1.0, found.nu)
+    data.act[:] = random.uniform(-1.0, 1.0, found.na)
     mujoco.mj_forward(found, data)
     mujoco.mj_rnePostConstraint(found, data)
     accelerations = {}
@@ -140,7 +148,7 @@ def reference(text):
         a = R.T @ (both[3:] + found.opt.gravity)  # MuJoCo's are relative to free fall
         if found.body(i).name:
             accelerations[found.body(i).name] = [*a.tolist(), *(R.T @ both[:3]).tolist()]
-    state = {"qpos": data.qpos, "qvel": data.qvel, "ctrl": data.ctrl}
+    state = {"qpos": data.qpos, "qvel": data.qvel, "ctrl": data.ctrl, "act": data.act}
     return {"accelerations": accelerations, **{k: v.tolist() for k, v in state.items()}}
 
 

@@ -78,6 +78,25 @@ def test_controls_of_a_keyframe_are_counted_with_actuators_that_are_not_carried_
     assert controls == {"first control": "0.2", "second control": "0.3"}
 
 
+def test_a_filter_is_a_state_and_limits_of_states_are_listed(imported):  # noqa: F811
+    actuators = (
+        '<actuator><muscle joint="a"/><general name="g" joint="a" dyntype="filter" dynprm="0.1" '
+        'ctrlrange="-1 1"/><intvelocity name="i" joint="b" actrange="-1 1"/>'
+        '<general name="h" joint="c" dyntype="integrator" actrange="0 1"/></actuator>'
+    )
+    key = '<keyframe><key name="k" ctrl="0 0.7" act="0.1 0.2 0.3 0.4"/></keyframe>'
+    found = imported(ARMS, actuators + key, key="k")
+    limits = "an actuator whose activation has limits"
+    assert lost(found) >= {("intvelocity 'i'", "msahl has no intvelocity actuator")}
+    assert ("general 'h'", limits) in lost(found)
+    control, state = found.source.model().signals
+    assert text_of(control.expression) == "0.7"
+    assert (state.name, state.initial) == ("g activation", 0.2)
+    assert text_of(state.rate) == "(min(max('g control', -1.0), 1.0) - 'g activation') / 0.1"
+    (load,) = found.source.model().loads
+    assert text_of(load.expression) == "'g activation'"
+
+
 def test_a_motor_at_a_ball_pushes_both_bodies(imported):  # noqa: F811
     ball = '<joint name="{}" type="ball"/>' + BALL
     world = body(ball.format("j") + body(ball.format("k"), 'name="b"'), 'name="a"')

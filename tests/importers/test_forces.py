@@ -28,7 +28,7 @@ def test_accelerations_at_a_random_state(name, expected, tmp_path):
     numbers = expected[name]
     given = " ".join(
         f'{key}="{" ".join(map(repr, numbers[key]))}"'
-        for key in ("qpos", "qvel", "ctrl")
+        for key in ("qpos", "qvel", "ctrl", "act")
         if numbers[key]
     )
     key = f'<keyframe><key name="k" {given}/></keyframe></mujoco>'
