@@ -85,6 +85,13 @@ def test_a_loop_that_cannot_be_closed_is_a_fault_of_its_equality(imported):  # n
     assert "cannot be closed from there; start elsewhere, by --at or --key" in text
 
 
+def test_rates_that_open_a_loop_are_a_fault_of_its_equality(imported):  # noqa: F811
+    world, pin = four_bar()
+    key = '<keyframe><key name="k" qvel="1 1 1"/></keyframe>'
+    text = faults_of(imported, world, f"{pin}{key}", key="k")
+    assert "connect 'pin': its deck cannot be run: joint 'pin': the given rates" in text
+
+
 WELDED = body("<freejoint/>" + BALL, 'name="a" pos="1 0 0" euler="0 0 90"') + body(
     "<freejoint/>" + BALL, 'name="b" pos="0 2 0"'
 )
