@@ -51,6 +51,8 @@ from msahl.joints.tree import JointStart, spanning_tree
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
 
+UNCLOSED = "it cannot be closed"
+"""How the message begins on a loop that stays open."""
 CONSISTENT = 1e-9
 """Violation rate, relative to the largest speed, that counts as round-off."""
 ROUNDING = 16.0
@@ -245,7 +247,7 @@ class _Placing:
         violation, worst = linkage.close()
         if worst is not None and not self.reader.context.project:
             message = (
-                f"it cannot be closed: a constraint violation of {violation:.3g} m remains with "
+                f"{UNCLOSED}: a constraint violation of {violation:.3g} m remains with "
                 "all given coordinates and places; correct these, or mark coordinates that may "
                 'change by approximate="true"'
             )

@@ -11,15 +11,27 @@ from msahl.check.directions import clean
 from msahl.deck.faults import Element
 from msahl.importers.bodies import Part, Parts, carrier, parts_of, tiny_inertia, without
 from msahl.importers.contacts import Candidate, candidates
+from msahl.importers.drives import add_drive, add_thrust
 from msahl.importers.inertia import matrix
 from msahl.importers.joints import Ends, Start, groups, motion, placed, rigid
-from msahl.importers.loads import Along, Made, add_drive, add_forces, add_relation
+from msahl.importers.loads import add_forces, add_relation
+from msahl.importers.made import Along, Ball, Made
 from msahl.importers.names import Names
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log
 from msahl.importers.robot import HERE, Axis, Closure, Inertia, Link, Look, Pose, Robot
+from msahl.importers.spatial_loads import add_free_damping
 from msahl.joints.registry import KINDS
-from msahl.model import Ground, Joint, Marker, Model, RigidBody, Shape, Simulation
+from msahl.model import (
+    ConcentratedLoad,
+    Ground,
+    Joint,
+    Marker,
+    Model,
+    RigidBody,
+    Shape,
+    Simulation,
+)
 from msahl.model.scheme import AUTO
 
 FIRST_STEP, END, OUTPUT = 1e-3, 2.0, 0.01
@@ -60,6 +72,9 @@ def build(robot: Robot, options: ImportOptions, log: Log) -> Built:
         add_relation(relation, made, float(tiny.J[0, 0]), log)
     for drive in robot.drives:
         add_drive(drive, made, log)
+    for thrust in robot.thrusts:
+        add_thrust(thrust, parts, made, log)
+    _compensate(robot, parts, made)
     model = Model(
         gravity=robot.gravity,
         grounds=(Ground(ground),),
@@ -68,7 +83,7 @@ def build(robot: Robot, options: ImportOptions, log: Log) -> Built:
         loads=tuple(made.loads),
         simulation=Simulation(robot.name, FIRST_STEP, END, scheme=AUTO, output_interval=OUTPUT),
         couplings=tuple(made.couplings),
-        markers=tuple(_markers(parts, body_names)),
+        markers=(*_markers(parts, body_names), *made.markers),
         signals=tuple(made.signals),
         shapes=tuple(shape for part in parts.bodies.values() for shape in _shapes(part)),
     )
@@ -83,7 +98,7 @@ def root_of(robot: Robot) -> Element:
 def _mark_driven(robot: Robot) -> None:
     """Mark the axes that relations and actuators refer to."""
     names = {name for r in robot.relations for name in (r.first, r.second)}
-    names |= {drive.joint for drive in robot.drives}
+    names |= {name for drive in robot.drives for name, _ in drive.terms}
     for link in robot.links.values():
         for axis in link.axes:
             axis.driven = axis.name in names
@@ -115,6 +130,9 @@ def _add_body(part: Part, link: Link, parts: Parts, robot: Robot, made: Made) ->
             if axis.name in coordinates:
                 place = Along(axis, joint.name, coordinates[axis.name], start)
                 made.along[axis.name] = place
+            elif axis.kind == "ball":
+                frame = matrix_rows(pose.R.T)
+                made.balls[axis.name] = Ball(axis, parent, child, frame)
         parent, pose = child, HERE
     made.bodies.append(_body(part.name, without(part.inertia, max(0, len(found) - 1))))
 
@@ -145,6 +163,20 @@ def _add_free(part: Part, link: Link, pose: Pose, parts: Parts, robot: Robot, ma
             plain_vector(w),
         )
     )
+    if axis.damping:
+        add_free_damping(axis, body.name, made)
+
+
+def _compensate(robot: Robot, parts: Parts, made: Made) -> None:
+    """Add the forces that take off the weight of links, each at the mass centre of its link."""
+    for link in robot.links.values():
+        body, pose = parts.places[link.name]
+        weight = -link.compensated * link.inertia.mass * np.array(robot.gravity)
+        if body != made.ground and weight.any():
+            name = made.names.unique(f"{link.name} gravity compensation")
+            point = plain_vector(pose.p + pose.R @ link.inertia.c)
+            load = (name, body, point, plain_vector(weight), made.ground, ZERO, body)
+            made.loads.append(ConcentratedLoad(*load))
 
 
 def world_pose(link: Link, robot: Robot, at_start: bool = True) -> Pose:

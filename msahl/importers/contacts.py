@@ -16,7 +16,7 @@ from msahl.check.directions import clean
 from msahl.check.joint_fit import JointAtStart
 from msahl.deck.faults import Element
 from msahl.importers.bodies import Parts
-from msahl.importers.loads import Along, Made
+from msahl.importers.made import Along, Made
 from msahl.importers.options import ALL, NONE, ImportOptions
 from msahl.importers.reading import Log
 from msahl.importers.robot import Robot, Touch

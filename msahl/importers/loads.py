@@ -1,64 +1,24 @@
-"""Springs, dampers, friction, rotors, gears and actuators along the joints of a robot.
+"""Springs, dampers, friction, rotors and gears along the joints of a robot.
 
 Armature is the inertia a of a rotor that a transmission rotates with the joint's coordinate q: its
 energy is a q_dot^2/2. The deck has such a rotor: a body on a bearing of the ground with the inertia
 a, geared to the joint one to one (for a slide, by a pinion of the radius 1 m).
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
-from msahl.expressions.syntax import Name, Number, parse, quoted
-from msahl.expressions.text import text_of
+from msahl.expressions.syntax import parse, quoted
 from msahl.importers.joints import Start
-from msahl.importers.names import Names
+from msahl.importers.made import Along, Made
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log
-from msahl.importers.robot import Axis, Drive, Relation
-from msahl.model import (
-    Coupling,
-    Joint,
-    JointActuator,
-    JointSpring,
-    RigidBody,
-    Signal,
-)
-from msahl.model.loads import Load
+from msahl.importers.robot import Axis, Relation
+from msahl.importers.spatial_loads import add_ball_loads
+from msahl.model import Coupling, Joint, JointActuator, JointSpring, RigidBody
 
 ROTOR_RADIUS = 1.0
 """Radius of gyration [m] of a rotor, which determines its mass. It rotates about its mass centre on
 the ground, so its mass is of no effect, but for the sums over all bodies."""
-
-
-@dataclass
-class Along:
-    """The coordinate of the deck's joint that an axis of the file is, and its start."""
-
-    axis: Axis
-    joint: str
-    coordinate: str
-    start: Start
-
-
-@dataclass
-class Made:
-    """Elements of the deck so far; ``names`` of joints, loads and signals, ``body_names``."""
-
-    ground: str
-    names: Names
-    body_names: Names
-    bodies: list[RigidBody] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
-    starts: dict[str, Start] = field(default_factory=dict)
-    start_of: dict[str, Start] = field(default_factory=dict)
-    """Starts of joints by the names of the axes that they have."""
-    couplings: list[Coupling] = field(default_factory=list)
-    loads: list[Load] = field(default_factory=list)
-    signals: list[Signal] = field(default_factory=list)
-    along: dict[str, Along] = field(default_factory=dict)
-    rotors: dict[str, str] = field(default_factory=dict)
-    """Bearings of rotors, by the names of the axes."""
 
 
 def add_forces(made: Made, options: ImportOptions, log: Log) -> None:
@@ -71,6 +31,10 @@ def add_forces(made: Made, options: ImportOptions, log: Log) -> None:
             _add_friction(place, made, options, log)
         if axis.armature:
             add_rotor(place, axis.armature, made)
+    for ball in made.balls.values():
+        add_ball_loads(ball, options.friction_width[0], made)
+        if ball.axis.friction:
+            _note_friction("rad/s", options.friction_width[0], ball.axis, log)
 
 
 def _add_spring(place: Along, made: Made) -> None:
@@ -85,7 +49,7 @@ def _add_spring(place: Along, made: Made) -> None:
         made.loads.append(JointSpring(*along, k, axis.damping, free))
     if loose:
         q = quoted(f"{place.joint}.{place.coordinate}")
-        _add_actuator(name, place, f"-{axis.stiffness!r}*({q} - ({axis.rest!r}))", made)
+        add_actuator(name, place, f"-{axis.stiffness!r}*({q} - ({axis.rest!r}))", made)
 
 
 def _add_friction(place: Along, made: Made, options: ImportOptions, log: Log) -> None:
@@ -93,13 +57,17 @@ def _add_friction(place: Along, made: Made, options: ImportOptions, log: Log) ->
     width = options.friction_width[place.coordinate != "angle"]
     v = quoted(f"{place.joint}.{place.coordinate}Rate")
     name = f"{place.axis.name} friction"
-    _add_actuator(name, place, f"-{place.axis.friction!r}*tanh({v}/{width!r})", made)
-    unit = "rad/s" if place.coordinate == "angle" else "m/s"
+    add_actuator(name, place, f"-{place.axis.friction!r}*tanh({v}/{width!r})", made)
+    _note_friction("rad/s" if place.coordinate == "angle" else "m/s", width, place.axis, log)
+
+
+def _note_friction(unit: str, width: float, axis: Axis, log: Log) -> None:
     message = f"dry friction is regularised: it rises to 76 % of its limit at {width:g} {unit}"
-    log.changed(place.axis.element, message)
+    log.changed(axis.element, message)
 
 
-def _add_actuator(name: str, place: Along, text: str, made: Made) -> None:
+def add_actuator(name: str, place: Along, text: str, made: Made) -> None:
+    """Add a load along a coordinate: an expression."""
     name = made.names.unique(name)
     made.loads.append(JointActuator(name, place.joint, place.coordinate, parse(text)))
 
@@ -146,21 +114,3 @@ def add_relation(relation: Relation, made: Made, inertia: float, log: Log) -> No
         message = f"slides are coupled by a shaft of {inertia:.3g} kg-m^2 with pinions of 1 m"
         log.changed(relation.element, message)
     made.couplings.append(coupling)
-
-
-def add_drive(drive: Drive, made: Made, log: Log) -> None:
-    """Add an actuator, whose control is a signal of the deck."""
-    place = made.along.get(drive.joint)
-    if place is None:
-        log.lost(drive.element, "its joint has no coordinate of its own in the deck")
-        return
-    control = made.names.unique(f"{drive.name} control")
-    made.signals.append(Signal(control, Number(drive.control)))
-    values = {
-        "q": quoted(f"{place.joint}.{place.coordinate}"),
-        "v": quoted(f"{place.joint}.{place.coordinate}Rate"),
-        "u": text_of(Name(control)),
-    }
-    text = drive.expression.format(**values)
-    name = drive.name if drive.name != drive.joint else f"{drive.name} actuator"
-    _add_actuator(name, place, text, made)

@@ -3,27 +3,29 @@
 MuJoCo's equalities are soft; here they are exact.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from msahl.deck.faults import Element, attribute
-from msahl.importers.build import world_pose
 from msahl.importers.meshes import MeshFiles
-from msahl.importers.mjcf_actuators import read_actuators
-from msahl.importers.mjcf_bodies import WORLD, Tree, read_world
+from msahl.importers.mjcf_actuators import Targets, has_activation, read_actuators
+from msahl.importers.mjcf_bodies import Tree, read_world
 from msahl.importers.mjcf_contacts import read_contacts
+from msahl.importers.mjcf_equalities import read_equalities
 from msahl.importers.mjcf_files import merge_includes
 from msahl.importers.mjcf_geoms import Geoms
-from msahl.importers.mjcf_joints import COORDINATES, set_coordinates
-from msahl.importers.mjcf_settings import read_settings, resolved, several
+from msahl.importers.mjcf_inertia import ReferenceInertia, set_spring_dampers
+from msahl.importers.mjcf_joints import COORDINATES, note_forces, set_coordinates
+from msahl.importers.mjcf_replicate import expand_replicates
+from msahl.importers.mjcf_settings import read_settings, several
+from msahl.importers.mjcf_tendons import Tendons, read_tendons
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, number, numbers
-from msahl.importers.robot import HERE, Closure, Inertia, Pose, Relation, Robot
+from msahl.importers.robot import Drive, Inertia, Robot, Thrust
 
 READ = (
-    "compiler", "option", "default", "asset", "worldbody", "contact", "equality", "actuator",
-    "keyframe",
+    "compiler", "option", "default", "asset", "worldbody", "contact", "equality", "tendon",
+    "actuator", "keyframe",
 )  # fmt: skip
 OF_MUJOCO = ("size", "visual", "statistic")
 """Sections about MuJoCo itself and its views."""
@@ -34,7 +36,6 @@ COMPILER = (
     "boundinertia", "settotalmass", "fusestatic", "discardvisual", "usethread", "convexhull",
     "fitaabb", "alignfree", "saveinertial", "exactmeshinertia",
 )  # fmt: skip
-EXACT = "MuJoCo's equality is soft; here it is exact"
 FLAGS = ("equality", "frictionloss", "passive", "spring", "damper", "actuation", "clampctrl")
 """What MuJoCo can switch off and msahl takes as the elements say."""
 FORCES = ("wind", "density", "viscosity")
@@ -48,6 +49,7 @@ def read_mjcf(
     merge_includes(root, path, options.packages, log)
     log.raise_if_any()
     settings = read_settings(root, log)
+    expand_replicates(root, settings, log)
     _note_sections(root, log)
     tree = Tree(settings, Geoms(root, settings, meshes, log), meshes, options, log)
     for world in root.iterfind("worldbody"):
@@ -58,13 +60,30 @@ def read_mjcf(
     _set_total_mass(root, tree, log)
     name = attribute(root, "model", "MuJoCo Model")
     robot = Robot(name, tree.links, _gravity(root, log))
-    _read_equalities(root, tree, robot, log)
-    _disable_limits(root, tree)
+    tendons = read_tendons(root, settings, tree.axes, options, log)
+    read_equalities(root, tree, tendons.terms, robot, log)
     robot.touches = read_contacts(root, tree.solids, tree.links, settings, log)
-    robot.drives = read_actuators(root, settings, tree.axes, log)
-    _set_keyframe(root, robot, tree, options, log)
+    controls = _add_forces(root, robot, tree, tendons, log)
+    _disable_limits(root, tree)
+    _set_keyframe(root, controls, tree, options, log)
     log.raise_if_any()
     return robot
+
+
+def _add_forces(
+    root: Element, robot: Robot, tree: Tree, tendons: Tendons, log: Log
+) -> list[Drive | Thrust | None]:
+    """Add the forces of joints, tendons and actuators, and return the latter in the order of their
+    controls."""
+    inertia = ReferenceInertia(robot)
+    set_spring_dampers(tree.axes, inertia, log)
+    for axis in tree.axes.values():
+        note_forces(axis, log)
+    targets = Targets(tree.settings, tree.axes, tendons.terms, tendons.unread, tree.sites, inertia)
+    controls = read_actuators(root, targets, log)
+    robot.drives = [*tendons.drives, *(c for c in controls if isinstance(c, Drive))]
+    robot.thrusts = [c for c in controls if isinstance(c, Thrust)]
+    return controls
 
 
 def _note_sections(root: Element, log: Log) -> None:
@@ -125,82 +144,12 @@ def _set_total_mass(root: Element, tree: Tree, log: Log) -> None:
             link.inertia = Inertia(mass * factor, c, J * factor)
 
 
-def _read_equalities(root: Element, tree: Tree, robot: Robot, log: Log) -> None:
-    for element in root.iterfind("equality/*"):
-        resolved(element, tree.settings, log)
-        if element.get("active") == "false":
-            log.lost(element, "it is not active")
-        elif element.tag == "joint":
-            _read_relation(element, tree, robot, log)
-        elif element.tag in ("connect", "weld"):
-            _read_closure(element, tree, robot, log)
-        else:
-            log.lost(element, "msahl has no such element")
-
-
-def _read_relation(element: Element, tree: Tree, robot: Robot, log: Log) -> None:
-    """Read a linear equality of two joints: y - y0 = a0 + a1 (x - x0)."""
-    y = tree.axes.get(attribute(element, "joint1"))
-    x = tree.axes.get(attribute(element, "joint2"))
-    a = [*several(element, "polycoef", log, 5), 0.0, 0.0, 0.0, 0.0, 0.0][:5]
-    if "polycoef" not in element.attrib:
-        a[1] = 1.0
-    if y is None or ("joint2" in element.attrib and x is None):
-        log.fault(element, "it names a joint that is none")
-    elif x is None or any(a[2:]) or {x.kind, y.kind} - {"hinge", "slide"}:
-        log.lost(element, "msahl couples two coordinates in proportion only")
-    else:
-        offset = y.zero + a[0] - a[1] * x.zero
-        robot.relations.append(Relation(x.name, y.name, a[1], offset, element))
-        log.changed(element, EXACT)
-
-
-def _read_closure(element: Element, tree: Tree, robot: Robot, log: Log) -> None:
-    """Read a ``<connect>`` or ``<weld>``: it is satisfied at the pose of the file."""
-    found = _sides(element, tree, log)
-    if found is None:
-        return
-    links, point, given = found
-    zero = [HERE if n == WORLD else world_pose(robot.links[n], robot, False) for n in links]
-    if given is not None:
-        poses = point, given
-    else:
-        there = zero[0].after(point)
-        poses = point, zero[1].inverse().after(there)
-    kind = {"connect": "spherical", "weld": "rigid"}[str(element.tag)]
-    if kind == "rigid" and any(several(element, "relpose", log, 7)):
-        log.lost(element, "a weld with a relpose of its own")
-        return
-    name = attribute(element, "name") or f"{links[1]} to {links[0]}"
-    robot.closures.append(Closure(name, kind, (links[0], links[1]), poses, element))
-    log.changed(element, EXACT)
-
-
-def _sides(
-    element: Element, tree: Tree, log: Log
-) -> tuple[tuple[str, str], Pose, Pose | None] | None:
-    """Return the names of both links, the frame of the joint on the first, and on the second if it
-    is given as well; None with a fault."""
-    if "site1" in element.attrib:
-        sites = [tree.sites.get(attribute(element, f"site{k}")) for k in (1, 2)]
-        if sites[0] is None or sites[1] is None:
-            log.fault(element, "it names a site that is none")
-            return None
-        (a, here), (b, there) = sites[0], sites[1]
-        return (a, b), here, there
-    names = [attribute(element, f"body{k}", WORLD if k == 2 else "") for k in (1, 2)]
-    for name in names:
-        if name not in tree.links:
-            log.fault(element, f"'{name}' is no body")
-            return None
-    anchor = np.array(numbers(element, "anchor", log))
-    if element.tag == "weld":
-        anchor = np.zeros(3)
-    return (names[0], names[1]), Pose(np.eye(3), anchor), None
-
-
 def _set_keyframe(
-    root: Element, robot: Robot, tree: Tree, options: ImportOptions, log: Log
+    root: Element,
+    controls: Sequence[Drive | Thrust | None],
+    tree: Tree,
+    options: ImportOptions,
+    log: Log,
 ) -> None:
     """Set the coordinates at t = 0 by the keyframe that the user names."""
     keys = list(root.iterfind("keyframe/key"))
@@ -214,11 +163,12 @@ def _set_keyframe(
         if key not in chosen:
             log.lost(key, f"--key {name} starts there" if name else "it has no name")
     for key in chosen[:1]:
-        _apply(key, tree, robot, log)
+        _apply(key, tree, log)
+        _set_controls(key, root, controls, log)
 
 
-def _apply(key: Element, tree: Tree, robot: Robot, log: Log) -> None:
-    """Set coordinates, rates and controls of a keyframe."""
+def _apply(key: Element, tree: Tree, log: Log) -> None:
+    """Set coordinates and rates of a keyframe."""
     axes = tree.axes.values()
     counts = [COORDINATES[axis.kind] for axis in axes]
     sizes = [sum(count[level] for count in counts) for level in (0, 1)]
@@ -234,5 +184,17 @@ def _apply(key: Element, tree: Tree, robot: Robot, log: Log) -> None:
         elif n == 1:
             axis.rate = v[0]
         q, v = q[m:], v[n:]
-    for drive, value in zip(robot.drives, several(key, "ctrl", log, 10**6), strict=False):
-        drive.control = value
+
+
+def _set_controls(
+    key: Element, root: Element, controls: Sequence[Drive | Thrust | None], log: Log
+) -> None:
+    """Set the controls and the states of actuators, which count as well if they are not carried
+    over."""
+    pairs = list(zip(root.iterfind("actuator/*"), controls, strict=True))
+    states = [actuator for element, actuator in pairs if has_activation(element)]
+    for name, field, actuators in (("ctrl", "value", controls), ("act", "activation", states)):
+        values = several(key, name, log, 10**6)
+        for actuator, value in zip(actuators, values, strict=False):
+            if actuator is not None and actuator.control is not None:
+                setattr(actuator.control, field, value)

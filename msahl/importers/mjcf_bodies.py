@@ -57,8 +57,7 @@ def _read_body(element: Element, parent: str, frame: Pose, tree: Tree) -> Link:
     name = _unique(element, "body", tree.links, tree.log)
     link = Link(name, element, parent, frame.after(pose(element, tree.settings, tree.log)))
     tree.links[name] = link
-    if number(element, "gravcomp", tree.log):
-        tree.log.lost(element, "gravcomp: gravity acts on the body in full")
+    link.compensated = number(element, "gravcomp", tree.log)
     return link
 
 

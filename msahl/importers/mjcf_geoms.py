@@ -8,6 +8,8 @@
                             its plane
 
 Sizes are half sizes, cylinders and capsules lie along z. Meshes are solids (``importers.solids``).
+With ``shellinertia`` the mass is that of the surface, by a density for each area, and J follows
+from its second moments s = int x^2 dA.
 """
 
 import math
@@ -35,6 +37,10 @@ SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 """Sizes of each kind of geom."""
 WATER = 1000.0
 """Default density [kg/m^3]."""
+THOMSEN = 1.6075
+"""Exponent of Thomsen's formula for the area of an ellipsoid."""
+SKIN = 1e-6
+"""Thickness [m] of the shell of an ellipsoid, as in MuJoCo."""
 NOT_SOLID = {"convex": "its convex hull", "shell": "a shell"}
 """Ways of MuJoCo to weigh a mesh that are not those here."""
 
@@ -65,9 +71,10 @@ class Geoms:
     def read(self, element: Element) -> Shown:
         """Return what a geom is, in the frame of its body."""
         kind = attribute(element, "type", "mesh" if "mesh" in element.attrib else "sphere")
-        if element.get("shellinertia") == "true":
-            self.log.changed(element, "it is a shell; here it has the inertia of a solid")
+        shell = element.get("shellinertia") == "true"
         if kind == "mesh":
+            if shell:
+                self.log.changed(element, "its mesh is a shell; here it counts as a solid")
             return Shown(kind, HERE, *self._mesh(element))
         if kind not in SIZES:
             self.log.lost(element, f"its shape: msahl has no {kind}")
@@ -76,7 +83,8 @@ class Geoms:
         if found is None:
             return Shown(kind)
         place, size = found
-        inertia = _weighed(element, _solid(kind, size), self.log)
+        body = shell_of(kind, size) if shell else _solid(kind, size)
+        inertia = _weighed(element, body, self.log)
         look = self._look(element, kind, size, place)
         return Shown(
             kind, place, look, None if inertia is None else inertia.seen_from(place), tuple(size)
@@ -202,3 +210,38 @@ def _capsule(r: float, h: float) -> Inertia:
     z = V_c * h * h / 3.0 + V_s * (r * r / 5.0 + 0.75 * r * h + h * h)
     second = np.array([x, x, z])
     return Inertia(V_c + V_s, np.zeros(3), np.diag(second.sum() - second))
+
+
+def shell_of(kind: str, size: list[float]) -> Inertia:
+    """Return the inertia of the surface of a geom, of the density 1 for each area."""
+    if kind == "ellipsoid":
+        return _ellipsoid_shell(np.array(size))
+    if kind == "box":
+        a, b, c = size
+        faces = 8.0 * np.array([b * c, c * a, a * b])  # both across each axis
+        own = np.array(size) ** 2
+        area = float(faces.sum())
+        second = own * (faces + (area - faces) / 3.0)
+    elif kind == "cylinder":
+        r, h = size
+        side, ends = 4.0 * math.pi * r * h, 2.0 * math.pi * r * r
+        area = side + ends
+        x = side * r * r / 2.0 + ends * r * r / 4.0
+        second = np.array([x, x, side * h * h / 3.0 + ends * h * h])
+    else:
+        r, h = size[0], size[1] if kind == "capsule" else 0.0
+        side, ends = 4.0 * math.pi * r * h, 4.0 * math.pi * r * r
+        area = side + ends
+        x = side * r * r / 2.0 + ends * r * r / 3.0
+        second = np.array([x, x, side * h * h / 3.0 + ends * (r * r / 3.0 + r * h + h * h)])
+    return Inertia(area, np.zeros(3), np.diag(second.sum() - second))
+
+
+def _ellipsoid_shell(half: np.ndarray) -> Inertia:
+    """Return the shell of an ellipsoid as MuJoCo has it: its area by Thomsen's formula, which is
+    good to 1 %, and the inertia of the space between it and one that is larger by ``SKIN``."""
+    a, b, c = half**THOMSEN
+    area = 4.0 * math.pi * ((a * b + b * c + c * a) / 3.0) ** (1.0 / THOMSEN)
+    outer, inner = (_solid("ellipsoid", (half + more).tolist()) for more in (SKIN, 0.0))
+    J = (outer.J - inner.J) / (outer.mass - inner.mass)
+    return Inertia(area, np.zeros(3), area * J)

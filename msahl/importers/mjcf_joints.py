@@ -17,7 +17,7 @@ OF_LIMITS = (
 """Attributes of soft limits and friction."""
 READ = (
     "name", "class", "type", "pos", "axis", "ref", "springref", "stiffness", "damping",
-    "frictionloss", "armature", "group", "user",
+    "frictionloss", "armature", "springdamper", "group", "user",
 )  # fmt: skip
 
 
@@ -56,12 +56,14 @@ def _read_forces(axis: Axis, log: Log) -> None:
     found = {n: getattr(axis, n) for n in ("stiffness", "damping", "friction", "armature")}
     if min(found.values()) < 0.0:
         log.fault(element, "stiffness, damping, frictionloss and armature must not be negative")
-    if axis.kind == "free" and any(found.values()):
-        log.lost(element, "forces along a free joint, and its armature")
-    if axis.kind == "ball":
-        lost = [name for name in found if found[name]]
-        if lost:
-            log.lost(element, f"{' and '.join(lost)} of a ball joint")
+
+
+def note_forces(axis: Axis, log: Log) -> None:
+    """Note forces of a joint that msahl has nothing for."""
+    names = {"ball": ("armature",), "free": ("stiffness", "friction", "armature")}
+    lost = [name for name in names.get(axis.kind, ()) if getattr(axis, name)]
+    if lost:
+        log.lost(axis.element, f"{' and '.join(lost)} of a {axis.kind} joint")
 
 
 def _read_range(axis: Axis, unit: float, settings: Settings, log: Log) -> None:

@@ -11,12 +11,13 @@ import numpy as np
 from msahl.deck.faults import DeckError, Element, Faults
 from msahl.deck.parse import parse, read_bytes
 from msahl.deck.source import Source
-from msahl.importers.build import build
+from msahl.importers.build import build, root_of
 from msahl.importers.contacts import apart, omit_unwanted
 from msahl.importers.deck_text import deck_text
 from msahl.importers.meshes import MeshFiles
 from msahl.importers.mjcf import read_mjcf
 from msahl.importers.mjcf_files import FOREIGN_ATTRIBUTES
+from msahl.importers.openings import Opening, fault_openings, note_openings, openings
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, Note
 from msahl.importers.robot import Axis, Robot
@@ -71,26 +72,32 @@ def _imported(
     _follow(robot)
     log.raise_if_any()
     omit_unwanted(robot, options, log)
+    found = openings(robot)
+    note_openings(found, log)
     built = build(robot, options, log)
     format_ = FORMATS[str(root.tag)]
     source = Source(target, deck_text(built, format_, path.name))
-    placed = _model(source, root, log)
+    placed = _model(source, robot, found, log)
     contacts = tuple(apart(built.candidates, placed, log))
     if contacts:
         built = built._replace(model=replace(built.model, contacts=contacts))
         source = Source(target, deck_text(built, format_, path.name))
-        _model(source, root, log)
+        _model(source, robot, found, log)
     notes = sorted(dict.fromkeys(log.notes), key=lambda note: (note.file, note.line))
     return Imported(source, format_, tuple(notes), meshes.copies)
 
 
-def _model(source: Source, root: Element, log: Log) -> Model:
-    """Return the model of a deck that was made; that it has faults is one of the file."""
+def _model(source: Source, robot: Robot, found: list[Opening], log: Log) -> Model:
+    """Return the model of a deck that was made; that it has faults is one of the file: of the
+    loops that are open, if these cannot be closed, or of the one that the deck names."""
     try:
         return source.model()
     except DeckError as error:
-        first = re.sub(r"^.*?:\d+: ", "", str(error.faults[0]))
-        log.stop(root, f"its deck cannot be run: {first}")
+        fault_openings(found, error, log)
+        fault = error.faults[0]
+        named = (c.element for c in robot.closures if f"'{c.name}'" in fault.where)
+        first = re.sub(r"^.*?:\d+: ", "", str(fault))
+        log.stop(next(named, root_of(robot)), f"its deck cannot be run: {first}")
 
 
 def _axes(robot: Robot) -> dict[str, Axis]:

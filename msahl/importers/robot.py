@@ -87,7 +87,8 @@ class Axis:
     The coordinate has the value ``zero`` where the link has its pose, and ``value`` at t = 0; of a
     ball ``rotated`` (3, 3) is its rotation at t = 0. ``damping`` and ``stiffness`` are those along
     the coordinate, the spring is unloaded at ``rest``; ``friction`` is the constant magnitude of
-    dry friction and ``armature`` the inertia of a rotor, in units of N, m or N m, rad. Stops at
+    dry friction and ``armature`` the inertia of a rotor, in units of N, m or N m, rad. Those of a
+    ball act about each of the link's axes, those of a free joint along and about them. Stops at
     ``lower`` and ``upper`` [rad, m] are those of the element ``limit``; None: there are none.
     """
 
@@ -137,6 +138,8 @@ class Link:
     inertia: Inertia = NOTHING
     looks: list[Look] = field(default_factory=list)
     frames: list[tuple[str, Pose]] = field(default_factory=list)
+    compensated: float = 0.0
+    """Share of its weight that a force at its mass centre takes off."""
 
 
 @dataclass
@@ -182,15 +185,47 @@ class Touch:
     element: Element
 
 
+Terms = list[tuple[str, tuple[float, ...]]]
+"""A length l = sum c q: the coefficients c of coordinates q of joints, by their names. A hinge or a
+slide has one, a ball three, of its rotation vector in the axes of the link."""
+
+
+@dataclass
+class Control:
+    """A control of an actuator: a signal with a ``value``, for which {u} stands in expressions.
+    With a ``rate`` the actuator has a state as well, for which {a} stands: it begins at
+    ``activation`` and has this rate, an expression of both."""
+
+    value: float = 0.0
+    rate: str = ""
+    activation: float = 0.0
+
+
 @dataclass
 class Drive:
-    """An actuator at a joint, by name: its load is the ``expression``, in which {q} and {v} stand
-    for the coordinate and its rate and {u} for the signal ``control``."""
+    """A force f along a length l, the sum of ``terms``: it loads each coordinate by c f. f is the
+    ``expression``, in which {l} and {v} stand for the length and its rate, and those of the
+    ``control`` for its values; None: there is none."""
 
     name: str
-    joint: str
+    terms: Terms
     expression: str
-    control: float
+    control: Control | None
+    element: Element
+
+
+@dataclass
+class Thrust:
+    """A ``force`` (3,) [N] at the origin of the frame ``place`` of a ``link`` and a ``moment`` (3,)
+    [N m], both in the axes of that frame, times the ``expression`` of its ``control``."""
+
+    name: str
+    link: str
+    place: Pose
+    force: np.ndarray
+    moment: np.ndarray
+    expression: str
+    control: Control
     element: Element
 
 
@@ -204,4 +239,5 @@ class Robot:
     relations: list[Relation] = field(default_factory=list)
     closures: list[Closure] = field(default_factory=list)
     drives: list[Drive] = field(default_factory=list)
+    thrusts: list[Thrust] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)

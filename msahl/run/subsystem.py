@@ -215,7 +215,7 @@ class SubsystemIntegrator:
         pushes = vectors_of_impulses(model) if model.events else None
         engaged = with_all_engaged(system, self.switches)
         self.axis = None if full else plane_normal(engaged, start, pushes)
-        free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
+        free = needed_unknowns(system, start, self.axis, full or accelerations)
         if unknowns is None or free.size < unknowns.free.size:
             unknowns = choose(stay_in_plane(system, start, self.axis), free, nodes)
         self.change = make_consistent(system, state, free, model.velocity, work_arrays)

@@ -330,10 +330,15 @@ def _all(system: System) -> np.ndarray:
     return needed
 
 
-def needed_unknowns(system: System, start: SystemWorkspace, axis: int | None) -> np.ndarray:
-    """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar system."""
+def needed_unknowns(
+    system: System, start: SystemWorkspace, axis: int | None, ballistic: bool = False
+) -> np.ndarray:
+    """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar system. With
+    ``ballistic`` bodies that nothing touches are solved for as well, as tables of accelerations
+    need it: what is no unknown has the acceleration zero."""
     needed = _all(system)
-    needed[system.frames.displacement[system.frames.ballistic]] = False
+    if not ballistic:
+        needed[system.frames.displacement[system.frames.ballistic]] = False
     if axis is not None:
         needed &= in_plane(system, start, axis)
     return np.flatnonzero(needed)

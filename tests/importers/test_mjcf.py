@@ -263,15 +263,13 @@ def test_a_loop_moves_as_the_deck_of_the_same_linkage(imported):
 
 
 def test_what_has_no_counterpart_is_listed(imported):
-    world = body(
-        hinge(more='range="-10 10" actuatorfrcrange="-1 1"') + BALL + "<camera/>", 'gravcomp="1"'
-    )
+    world = body(hinge(more='range="-10 10" actuatorfrcrange="-1 1"') + BALL + "<camera/>")
     others = '<option density="1.2"/><sensor><jointpos joint="j"/></sensor><size nconmax="9"/>'
     found = imported(world, others)
     lost = {(note.where, note.message) for note in found.notes if note.kind == "not carried over"}
     assert {message for _, message in lost} == {
         "its actuatorfrcrange", "msahl has no such element", "forces of a fluid: density",
-        "settings of MuJoCo itself", "gravcomp: gravity acts on the body in full",
+        "settings of MuJoCo itself",
     }  # fmt: skip
 
 

@@ -10,13 +10,19 @@ import pytest
 
 from msahl.deck import DeckError
 from msahl.importers import ImportOptions, import_file
+from tests.importers import forces, loops
 from tests.importers.mutants import mutant
 from tests.importers.oracle import FILES
 from tests.support.models import ROOT
 
 SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
 NUMBER = 60
-FILES_AND_SDF = [*FILES, ROOT / "examples" / "four_bar.sdf"]
+FILES_AND_SDF = [*FILES, ROOT / "examples" / "four_bar.sdf", loops.FILE]
+SOURCES = {file.name: file.read_bytes() for file in FILES_AND_SDF}
+SOURCES |= {
+    f"{name}.xml": forces.MODELS[name].encode()
+    for name in ("actuators at ball joints", "fixed tendons", "damping ratios", "replicates")
+}
 
 
 def outcome(path):
@@ -36,13 +42,13 @@ def outcome(path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", FILES_AND_SDF, ids=lambda file: file.name)
-def test_mutants_become_decks_or_messages(file, tmp_path):
-    data, number = file.read_bytes(), 0
+@pytest.mark.parametrize("name", list(SOURCES))
+def test_mutants_become_decks_or_messages(name, tmp_path):
+    data, number = SOURCES[name], 0
     first = int(time.time()) if SECONDS else 0
-    end, ends = time.monotonic() + 0.1 * SECONDS, set()
+    end, ends = time.monotonic() + 0.3 * SECONDS / len(SOURCES), set()
     while number < NUMBER or time.monotonic() < end:
-        path = tmp_path / f"mutant{file.suffix}"
+        path = tmp_path / f"mutant.{name.rpartition('.')[2]}"
         path.write_bytes(mutant(data, first + number))
         try:
             ends.add(outcome(path))

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import msahl
 from msahl.algebra.rotation import from_axis_angle
+from msahl.algebra.rotation_arrays import rotations
 from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad, Ground, Joint, Law, PointMotion
@@ -93,6 +95,21 @@ def test_how_many_unknowns_are_left(name):
         for full in (False, True)
     ]
     assert tuple(counts) == UNKNOWNS[name]
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2", "rk4"])
+def test_bodies_that_fall_freely_have_the_acceleration_of_gravity(scheme):
+    """It was written as zero: the displacement of a ballistic body is no unknown."""
+    model = free_bodies(np.random.default_rng(5), n=2)
+    model = replace(model, bodies=tuple(replace(b, r_BG=ZERO) for b in model.bodies))
+    options = {"scheme": scheme, "dt": 0.01, "t_final": 0.02, "error": "off"}
+    run = msahl.Model(model).run(accelerations="yes", **options)
+    for one in model.bodies:
+        for row in range(3):
+            P = [run[f"{one.name}.P{i}"][row] for i in (1, 2, 3)]
+            found = [run[f"{one.name}.a{x}"][row] for x in "xyz"]
+            # Round-off of one rotation.
+            assert found == pytest.approx(rotations(np.array(P)).T @ model.gravity, abs=1e-13)
 
 
 # Planar ------------------------------------------------------------------------------------------
