@@ -15,7 +15,8 @@ import numpy as np
 
 from msahl.contact import friction, sharing
 from msahl.contact.complementarity import solve
-from msahl.contact.friction import Cones, Jammed
+from msahl.contact.cones import Cones, of_contacts
+from msahl.contact.friction import Jammed
 from msahl.contact.response import Response
 from msahl.contact.state import STILL, UNSEEN, After, Cause, ContactState
 
@@ -158,11 +159,7 @@ def _impending(contacts: ContactState, response: Response, k: int) -> np.ndarray
 
 def _solve_forces(response: Response, b: np.ndarray, cones: Cones, rests: np.ndarray) -> np.ndarray:
     """Return the forces (m,) of the contacts ``rests``."""
-    t = cones.tangent[rests]
-    used = np.concatenate([rests, t[t >= 0]])
-    number = np.full(b.size + 1, -1)
-    number[used] = np.arange(used.size)
-    own = Cones(number[rests], number[t], *(part[rests] for part in cones[2:]))
+    used, own = of_contacts(cones, rests)
     force = np.zeros(b.size)
     if (b[rests] < 0.0).any() or not np.isnan(cones.toward[rests]).all():
         try:

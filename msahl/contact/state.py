@@ -12,7 +12,7 @@ import numpy as np
 from msahl.algebra.vector import Vector
 from msahl.contact import response as of_contacts
 from msahl.contact.complementarity import NoSolution, solve
-from msahl.contact.friction import Cones
+from msahl.contact.cones import Cones
 from msahl.contact.response import Response
 from msahl.elements.constraints import segments
 from msahl.elements.constraints.coordinates import product_rates
