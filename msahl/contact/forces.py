@@ -19,6 +19,7 @@ from msahl.contact.cones import Cones, of_contacts
 from msahl.contact.friction import Jammed
 from msahl.contact.response import Response
 from msahl.contact.state import STILL, UNSEEN, After, Cause, ContactState
+from msahl.start.redundancy import INDEPENDENT
 
 USED = 1e-6
 """Share of the grip that is none, where that of another contact is used up: those of an edge slip
@@ -187,11 +188,21 @@ def hold(
     zero[own.reshape(-1)] = True
     k = np.flatnonzero(zero)
     push = np.zeros(after.speed.size)
-    push[k] = -np.linalg.lstsq(response.W[np.ix_(k, k)], after.speed[k], rcond=None)[0]
+    push[k] = stopping(response.W[np.ix_(k, k)], after.speed[k])
     contacts.push(response, push, after.speed)
     speed = after.speed + response.W @ push
     speed[k] = 0.0
     return follow(contacts, response, contacts.rounded(speed), *given)
+
+
+def stopping(W: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Return the impulse (n,) that takes the ``rate`` (n,) away, of the matrix ``W`` (n, n).
+
+    Rates of redundant contacts contradict each other by what steps leave of them; to take that away
+    as well needs impulses that are larger by the inverse of round-off.
+    """
+    found: np.ndarray = -np.linalg.lstsq(W, rate, rcond=INDEPENDENT)[0]
+    return found
 
 
 def ending_slips(response: Response, after: After, round_off: np.ndarray) -> np.ndarray:

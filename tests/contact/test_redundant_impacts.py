@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from msahl.contact import friction
+from msahl.contact.forces import stopping
 from msahl.contact.gradient import project
 from msahl.contact.impact import Contradictory, SeveralAtOnce, impulses
 from msahl.contact.independent import groups
@@ -150,3 +151,11 @@ def test_newton_may_contradict_itself_and_poisson_not():
         impulses("newton", W, v, e)
     L = impulses("poisson", W, v, e)
     assert v + W @ L == pytest.approx([0.0, 0.0], abs=1e-15)  # exact numbers
+
+
+def test_rates_that_contradict_each_other_take_no_huge_impulse():
+    """Two contacts at one place whose rates differ by 1e-7, and a matrix with round-off."""
+    W = np.ones((2, 2)) + np.diag([1e-14, 0.0])
+    L = stopping(W, np.array([1.0, 1.0 + 1e-7]))
+    # The least impulse that leaves the least rates is half of the mean rate each, to that 1e-7.
+    assert pytest.approx([-0.5, -0.5], abs=1e-7) == L
