@@ -15,9 +15,11 @@ import numpy as np
 
 from msahl.contact import friction, sharing
 from msahl.contact.complementarity import solve
-from msahl.contact.friction import Cones, Jammed
+from msahl.contact.cones import Cones, of_contacts
+from msahl.contact.friction import Jammed
 from msahl.contact.response import Response
 from msahl.contact.state import STILL, UNSEEN, After, Cause, ContactState
+from msahl.start.redundancy import INDEPENDENT
 
 USED = 1e-6
 """Share of the grip that is none, where that of another contact is used up: those of an edge slip
@@ -158,11 +160,7 @@ def _impending(contacts: ContactState, response: Response, k: int) -> np.ndarray
 
 def _solve_forces(response: Response, b: np.ndarray, cones: Cones, rests: np.ndarray) -> np.ndarray:
     """Return the forces (m,) of the contacts ``rests``."""
-    t = cones.tangent[rests]
-    used = np.concatenate([rests, t[t >= 0]])
-    number = np.full(b.size + 1, -1)
-    number[used] = np.arange(used.size)
-    own = Cones(number[rests], number[t], *(part[rests] for part in cones[2:]))
+    used, own = of_contacts(cones, rests)
     force = np.zeros(b.size)
     if (b[rests] < 0.0).any() or not np.isnan(cones.toward[rests]).all():
         try:
@@ -190,11 +188,21 @@ def hold(
     zero[own.reshape(-1)] = True
     k = np.flatnonzero(zero)
     push = np.zeros(after.speed.size)
-    push[k] = -np.linalg.lstsq(response.W[np.ix_(k, k)], after.speed[k], rcond=None)[0]
+    push[k] = stopping(response.W[np.ix_(k, k)], after.speed[k])
     contacts.push(response, push, after.speed)
     speed = after.speed + response.W @ push
     speed[k] = 0.0
     return follow(contacts, response, contacts.rounded(speed), *given)
+
+
+def stopping(W: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Return the impulse (n,) that takes the ``rate`` (n,) away, of the matrix ``W`` (n, n).
+
+    Rates of redundant contacts contradict each other by what steps leave of them; to take that away
+    as well needs impulses that are larger by the inverse of round-off.
+    """
+    found: np.ndarray = -np.linalg.lstsq(W, rate, rcond=INDEPENDENT)[0]
+    return found
 
 
 def ending_slips(response: Response, after: After, round_off: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ direction d of z_t = -mu z_n d is given. The equations
     z_n = max(least, z_n - r w_n),    z_t = the nearest to z_t - r w_t in the disk of radius mu z_n
 
 are solved by Newton's method on their pieces. It begins where all stick with the least forces, then
-at zero, then where the problems of one contact after the other (``cone``) lead; what is left is
-approached from matrices that are softened less and less, by friction raised from none, from each
-choice of open, sticking and sliding contacts if they are few, and from scattered values. A solution
-is one only if it satisfies the equations to round-off. Source: P. Alart, A. Curnier, A mixed
+at zero, then where a projected gradient (``gradient``) leads; what is left is approached from
+matrices that are softened less and less, from the problems of one contact after the other
+(``cone``), by friction raised from none, from each choice of open, sticking and sliding contacts if
+they are few, and from scattered values. A solution is one only if it satisfies the equations to
+round-off. Source: P. Alart, A. Curnier, A mixed
 formulation for frictional contact problems prone to Newton like solution methods, Comput. Methods
 Appl. Mech. Engrg. 92 (1991).
 """
@@ -21,12 +22,14 @@ Appl. Mech. Engrg. 92 (1991).
 import itertools
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from msahl.contact.complementarity import NoSolution
 from msahl.contact.cone import solve_one
+from msahl.contact.cones import Cones, of_contacts
+from msahl.contact.gradient import approach
+from msahl.contact.independent import groups
 
 EXACT = 1e-12
 """Residual, relative to the largest term, of a solution."""
@@ -52,16 +55,6 @@ tried last.
 """
 
 
-class Cones(NamedTuple):
-    """What k contacts have; numbers of unknowns count in z."""
-
-    normal: np.ndarray  # (k,)
-    tangent: np.ndarray  # (k, 2) or -1 without friction
-    friction: np.ndarray  # (k,) mu
-    least: np.ndarray  # (k,) of the normal parts
-    toward: np.ndarray  # (k, 2) direction of a slip that is given, else nan
-
-
 class Jammed(NoSolution):
     """The normal force of a sliding contact presses its own gap closed (Painleve)."""
 
@@ -71,8 +64,19 @@ class Jammed(NoSolution):
 
 
 def solve(W: np.ndarray, q: np.ndarray, cones: Cones) -> np.ndarray:
-    """Return z (m,). Raises ``NoSolution``."""
+    """Return z (m,), of each group of contacts that act on each other by itself. Raises
+    ``NoSolution``.
+    """
     refuse_jammed(W, cones)
+    z = np.zeros(q.size)
+    for k in groups(W, cones.normal, cones.tangent):
+        used, own = of_contacts(cones, k)
+        z[used] = _solve_group(W[np.ix_(used, used)], q[used], own)
+    return z
+
+
+def _solve_group(W: np.ndarray, q: np.ndarray, cones: Cones) -> np.ndarray:
+    """Return z (m,) of contacts that all act on each other. Raises ``NoSolution``."""
     size = _sizes(W, cones)
     scaled, right = W / np.outer(size, size), q / size
     given = cones._replace(least=cones.least * size[cones.normal])
@@ -196,9 +200,10 @@ def _starts(W: np.ndarray, q: np.ndarray, cones: Cones) -> Iterator[np.ndarray]:
     z = np.zeros(q.size)
     z[cones.normal] = cones.least
     yield z
+    yield from approach(W, q, cones, z)
+    yield from _softened(W, q, cones, z)
     near = _project(W, q, cones, z.copy())
     yield near
-    yield from _softened(W, q, cones, z)
     yield from _raised(W, q, cones, z)
     if cones.normal.size <= FEW:
         for states in itertools.product(range(3), repeat=cones.normal.size):

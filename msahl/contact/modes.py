@@ -17,7 +17,7 @@ from msahl.contact.complementarity import NoSolution
 from msahl.contact.events import ContactEvent
 from msahl.contact.forces import ending_slips, follow, hold
 from msahl.contact.friction import Jammed
-from msahl.contact.impact import SeveralAtOnce, impulses
+from msahl.contact.impact import Contradictory, SeveralAtOnce, impulses
 from msahl.contact.rebounds import accuracy_of_end, rebounds, time_to_next, unseen
 from msahl.contact.record import Before, ContactRecord
 from msahl.contact.response import Response
@@ -52,6 +52,12 @@ def _unsolved(t: float, names: Sequence[str], error: NoSolution) -> str:
         return (
             f"at t = {t:.9g} s the contacts {named} take part in one impact, for which Stronge's "
             'law is not defined; use impactLaw="poisson"'
+        )
+    if isinstance(error, Contradictory):
+        return (
+            f"at t = {t:.9g} s the contacts {named} cannot all have the speeds after their "
+            "impact that Newton's law asks for, the restitution times those before; "
+            'use impactLaw="poisson", which has a solution always'
         )
     return f"at t = {t:.9g} s the impulses or forces of the contacts {named} have no solution"
 

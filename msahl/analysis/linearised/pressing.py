@@ -10,7 +10,7 @@ import numpy as np
 
 from msahl.contact import friction
 from msahl.contact.complementarity import solve
-from msahl.contact.friction import Cones
+from msahl.contact.cones import Cones
 from msahl.contact.response import Response
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system.arrays import System
