@@ -15,8 +15,8 @@ from msahl.analysis.equilibria.static_newton import newton
 from msahl.analysis.linearised.point import at_start
 from msahl.deck import DeckError, read_deck
 from msahl.events.margins import Span, build_margins
-from msahl.jit import by_size
 from msahl.jit.arguments import Description, describe
+from msahl.jit.by_size import compiled_at_any_size
 from msahl.jit.compiled import Call, prepare
 from msahl.jit.general import round_up
 from msahl.model import Model, Options, resolve
@@ -67,16 +67,13 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
     tell("compiling the kernels of all kinds of models")
     models = list(_models())
     # All are built as large ones, which need the code of small ones and more.
-    by_size.LARGE, large = 1, by_size.LARGE
-    try:
+    with compiled_at_any_size():
         # In one go, so that no core waits for the last kernel of a model.
         prepare([call for model in models for call in _calls(model)])
         for model in models:
             with suppress(StartError):
                 at = at_start(model)
                 newton(Statics(at.system, at.state), at.state, most=1)
-    finally:
-        by_size.LARGE = large
     tell("compiling the kernels of reports and studies")
     _use_results()
 

@@ -5,7 +5,8 @@ seconds, and a compiled kernel takes milliseconds to load: worth it from some hu
 Both give the same digits.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from threading import local
 from typing import Any
 
@@ -23,7 +24,22 @@ def by_size(function: Callable[..., Any], size: int, products: int = 0) -> Calla
 
     ``products`` are those that it computes beside its work for each element, if they are many.
     """
-    return compiled_once(function) if size + products // PRODUCTS >= LARGE else function
+    large = size + products // PRODUCTS >= LARGE or "any_size" in _of_thread.__dict__
+    return compiled_once(function) if large else function
+
+
+@contextmanager
+def compiled_at_any_size() -> Iterator[None]:
+    """Let this thread run small systems compiled, too.
+
+    No constant changes: machine code is kept by the constants of its sources, so what is compiled
+    here would not be found elsewhere.
+    """
+    _of_thread.__dict__["any_size"] = True
+    try:
+        yield
+    finally:
+        del _of_thread.__dict__["any_size"]
 
 
 def compiled_once(function: Callable[..., Any]) -> Callable[..., Any]:

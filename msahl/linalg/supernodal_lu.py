@@ -2,9 +2,9 @@
 
 Its supernodes are those of ``supernodes``; it stands in place of ``sparse_lu`` and
 ``block_lu``. An element of a beam couples all its nodes and stress resultants, and so do the last
-of many loops, so nearly all the work is on dense blocks. A panel of U has the rows of the pivots of a supernode, one of L below it
-the rows of all later pivots that they couple with. After a panel is factored, its product L U is
-taken from later panels, rectangle by rectangle:
+of many loops, so nearly all the work is on dense blocks. A panel of U has the rows of the pivots of
+a supernode, one of L below it the rows of all later pivots that they couple with. After a panel is
+factored, its product L U is taken from later panels, rectangle by rectangle:
 
     C <- C - L U          3 rows and 4 columns at a time, which stay in registers
 

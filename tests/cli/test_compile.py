@@ -1,6 +1,8 @@
 """The command ``msahl compile``: what it compiles is what runs, reports and studies need."""
 
 import io
+import subprocess
+import sys
 
 import pytest
 from click.testing import CliRunner
@@ -12,6 +14,7 @@ from msahl.deck import read_deck
 from msahl.jit import by_size, compiled
 from msahl.jit.announced import announced
 from msahl.jit.progress import CompileError, Progress
+from msahl.linalg.symbolic import _merge
 from msahl.model import Options
 from msahl.resources import example_deck, example_decks
 from tests.support.models import simulate
@@ -28,6 +31,24 @@ def test_a_deck_is_compiled_in_advance():
     result = call(DECK, "--solver", "newton")
     assert (result.exit_code, result.stderr) == (0, f"{DECK}: compiled\n")
     assert compiled.on_disk(kernels.calls_of_run(read_deck(DECK), Options(solver="newton")))
+
+
+DIGEST = """
+from contextlib import nullcontext
+from msahl.jit.by_size import compiled_at_any_size
+from msahl.jit.reach import resolve, source_digest
+with {}():
+    print(source_digest(resolve("msahl.schemes.collocation.dense_output", "fit")))
+"""
+
+
+def test_what_is_compiled_for_all_is_found_by_runs():
+    """Machine code is kept by the constants of its sources, as each process finds them."""
+    found = [
+        subprocess.check_output([sys.executable, "-c", DIGEST.format(context)], text=True)
+        for context in ("nullcontext", "compiled_at_any_size")
+    ]
+    assert found[0] == found[1]
 
 
 def test_something_must_be_asked_for():
@@ -51,9 +72,9 @@ def test_everything_includes_large_models_reports_and_studies(monkeypatch):
     monkeypatch.setattr(kernels, "example_decks", lambda: [DECK])
     monkeypatch.setattr(kernels, "prepare", lambda calls: prepared.append(list(calls)))
     monkeypatch.setattr(kernels, "call", lambda command, *words: called.append(words))
-    large, told = by_size.LARGE, []
+    told = []
     kernels.compile_everything(told.append)
-    assert large == by_size.LARGE
+    assert by_size.by_size(_merge, 1) is _merge
     assert len(prepared[0]) > len(kernels.VARIANTS)
     assert len(told) == 2
     words = {word for words in called for word in words}

@@ -1,12 +1,15 @@
 """The symbolic factorisation, against the elimination of dense patterns, entry by entry."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
-from msahl.jit import by_size
+from msahl.jit.by_size import LARGE, compiled_at_any_size
 from msahl.linalg.symbolic import fill, grouped, targets, transposed
 
 SIZES = (1, 2, 7, 30, 60)
+assert max(SIZES) < LARGE, "plain Python is to be tested, too"
 
 
 def random_pattern(n, seed, density=0.1):
@@ -27,8 +30,9 @@ def listed(lists):
 
 
 @pytest.fixture(params=["plain", "compiled"])
-def either(request, monkeypatch):
-    monkeypatch.setattr(by_size, "LARGE", 10**9 if request.param == "plain" else 0)
+def either(request):
+    with compiled_at_any_size() if request.param == "compiled" else nullcontext():
+        yield
 
 
 @pytest.mark.usefixtures("either")
