@@ -17,9 +17,8 @@ from msahl.contact import friction, sharing
 from msahl.contact.complementarity import solve
 from msahl.contact.cones import Cones, of_contacts
 from msahl.contact.friction import Jammed
-from msahl.contact.response import Response
+from msahl.contact.response import Response, stopping
 from msahl.contact.state import STILL, UNSEEN, After, Cause, ContactState
-from msahl.start.redundancy import INDEPENDENT
 
 USED = 1e-6
 """Share of the grip that is none, where that of another contact is used up: those of an edge slip
@@ -193,16 +192,6 @@ def hold(
     speed = after.speed + response.W @ push
     speed[k] = 0.0
     return follow(contacts, response, contacts.rounded(speed), *given)
-
-
-def stopping(W: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Return the impulse (n,) that takes the ``rate`` (n,) away, of the matrix ``W`` (n, n).
-
-    Rates of redundant contacts contradict each other by what steps leave of them; to take that away
-    as well needs impulses that are larger by the inverse of round-off.
-    """
-    found: np.ndarray = -np.linalg.lstsq(W, rate, rcond=INDEPENDENT)[0]
-    return found
 
 
 def ending_slips(response: Response, after: After, round_off: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from msahl.formulations.absolute.frames import (
     moving_count,
     rotation_increment,
 )
+from msahl.start.redundancy import INDEPENDENT
 from msahl.start.velocities import add_to_velocities, factor_at_rest, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
@@ -207,3 +208,13 @@ def displace(system: System, response: Response, push: np.ndarray, state: State)
     for b in range(moving_count(system.frames)):
         Q = rotation_increment(system.frames, change, b)
         state.p[b] = compose(from_increment(Q), at(state.p, b))
+
+
+def stopping(W: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Return the impulse (n,) that takes the ``rate`` (n,) away, of the matrix ``W`` (n, n).
+
+    Rates of redundant contacts contradict each other by what steps leave of them; to take that away
+    as well needs impulses that are larger by the inverse of round-off.
+    """
+    found: np.ndarray = -np.linalg.lstsq(W, rate, rcond=INDEPENDENT)[0]
+    return found

@@ -17,7 +17,6 @@ from msahl.contact.response import Response
 from msahl.elements.constraints import segments
 from msahl.elements.constraints.coordinates import product_rates
 from msahl.formulations.absolute.frames import first_multiplier
-from msahl.start.redundancy import INDEPENDENT
 from msahl.start.velocities import project, solve_accelerations
 from msahl.system.arrays import State, System
 from msahl.system.contacts import NEAR, Contacts, closed, set_closed, set_sticking, sticking
@@ -358,5 +357,5 @@ def _apart(W: np.ndarray, gap: np.ndarray, near: np.ndarray) -> np.ndarray:
         return solve(W, gap)
     except NoSolution:
         push, k = np.zeros(gap.size), np.flatnonzero(gap < -near)
-        push[k] = np.linalg.lstsq(W[np.ix_(k, k)], -gap[k], rcond=INDEPENDENT)[0]
+        push[k] = of_contacts.stopping(W[np.ix_(k, k)], gap[k])
         return push

@@ -7,12 +7,13 @@ a, geared to the joint one to one (for a slide, by a pinion of the radius 1 m).
 
 import numpy as np
 
+from msahl.deck.faults import Element
 from msahl.expressions.syntax import parse, quoted
 from msahl.importers.joints import Start
 from msahl.importers.made import Along, Made
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log
-from msahl.importers.robot import Axis, Relation
+from msahl.importers.robot import Relation
 from msahl.importers.spatial_loads import add_ball_loads
 from msahl.model import Coupling, Joint, JointActuator, JointSpring, RigidBody
 
@@ -32,9 +33,10 @@ def add_forces(made: Made, options: ImportOptions, log: Log) -> None:
         if axis.armature:
             add_rotor(place, axis.armature, made)
     for ball in made.balls.values():
-        add_ball_loads(ball, options.friction_width[0], made)
+        width = options.friction_width[0]
+        add_ball_loads(ball, width, made)
         if ball.axis.friction:
-            _note_friction("rad/s", options.friction_width[0], ball.axis, log)
+            note_friction(ball.axis.element, f"{width:g} rad/s", log)
 
 
 def _add_spring(place: Along, made: Made) -> None:
@@ -58,12 +60,14 @@ def _add_friction(place: Along, made: Made, options: ImportOptions, log: Log) ->
     v = quoted(f"{place.joint}.{place.coordinate}Rate")
     name = f"{place.axis.name} friction"
     add_actuator(name, place, f"-{place.axis.friction!r}*tanh({v}/{width!r})", made)
-    _note_friction("rad/s" if place.coordinate == "angle" else "m/s", width, place.axis, log)
+    unit = "rad/s" if place.coordinate == "angle" else "m/s"
+    note_friction(place.axis.element, f"{width:g} {unit}", log)
 
 
-def _note_friction(unit: str, width: float, axis: Axis, log: Log) -> None:
-    message = f"dry friction is regularised: it rises to 76 % of its limit at {width:g} {unit}"
-    log.changed(axis.element, message)
+def note_friction(element: Element, rate: str, log: Log) -> None:
+    """Note that the dry friction of an element rises with the rate, and what its width is."""
+    message = f"dry friction is regularised: it rises to 76 % of its limit at {rate}"
+    log.changed(element, message)
 
 
 def add_actuator(name: str, place: Along, text: str, made: Made) -> None:

@@ -17,7 +17,7 @@ from msahl.importers.mjcf_geoms import Geoms
 from msahl.importers.mjcf_inertia import ReferenceInertia, set_spring_dampers
 from msahl.importers.mjcf_joints import COORDINATES, note_forces, set_coordinates
 from msahl.importers.mjcf_replicate import expand_replicates
-from msahl.importers.mjcf_settings import read_settings, several
+from msahl.importers.mjcf_settings import note_unread, read_settings, several
 from msahl.importers.mjcf_tendons import Tendons, read_tendons
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, number, numbers
@@ -99,9 +99,7 @@ def _note_sections(root: Element, log: Log) -> None:
         if element.tag not in ASSETS:
             log.lost(element, "msahl has no such element")
     for compiler in root.iterfind("compiler"):
-        for name in map(str, compiler.attrib):
-            if name not in COMPILER:
-                log.lost(compiler, f"its {name}")
+        note_unread(compiler, COMPILER, log)
     for element in root.iterfind("contact/*"):
         if element.tag not in ("pair", "exclude"):
             log.lost(element, "msahl has no such element")

@@ -23,7 +23,7 @@ import numpy as np
 
 from msahl.deck.faults import Element, attribute
 from msahl.importers.mjcf_inertia import ReferenceInertia, damping_of
-from msahl.importers.mjcf_settings import Settings, resolved, several
+from msahl.importers.mjcf_settings import Settings, note_unread, resolved, several
 from msahl.importers.reading import Log, number, numbers
 from msahl.importers.robot import Axis, Control, Drive, Pose, Terms, Thrust
 
@@ -72,9 +72,7 @@ def _actuator(element: Element, targets: Targets, log: Log) -> Drive | Thrust | 
     if reason:
         log.lost(element, reason)
         return None
-    for name in map(str, element.attrib):
-        if name not in READ:
-            log.lost(element, f"its {name}")
+    note_unread(element, READ, log)
     g, b = _damped(element, _LAWS[str(element.tag)](element, log), terms, targets, log)
     u = _input(element, targets, log)
     control = Control(rate=_rate(element, u, log))
@@ -134,8 +132,7 @@ def _reason(element: Element, settings: Settings) -> str:
     dynamics = element.get("dyntype", "none")
     if dynamics not in ("none", "integrator", *FILTERS):
         return f"an actuator with dyntype {dynamics}"
-    given = {str(key): str(value) for key, value in element.attrib.items()}
-    if has_activation(element) and settings.is_limited(given, "act"):
+    if has_activation(element) and settings.is_limited(element, "act"):
         return "an actuator whose activation has limits"
     types = element.get("gaintype", "fixed"), element.get("biastype", "none")
     if types[0] not in ("fixed", "affine") or types[1] not in ("none", "affine"):
@@ -177,9 +174,8 @@ def _damped(element: Element, law: Law, terms: Terms, targets: Targets, log: Log
 
 def _input(element: Element, targets: Targets, log: Log) -> str:
     """Return the expression of a control: within its range, if it has one."""
-    given = {str(key): str(value) for key, value in element.attrib.items()}
     low, high = 0.0, 0.0
-    if "ctrlrange" in given and targets.settings.is_limited(given, "ctrl"):
+    if "ctrlrange" in element.attrib and targets.settings.is_limited(element, "ctrl"):
         low, high = numbers(element, "ctrlrange", log, count=2)
     elif number(element, "inheritrange", log):
         low, high = _inherited(element, targets, log)
@@ -210,8 +206,7 @@ def _force(g: list[float], b: list[float], u: str) -> str:
 
 def _clamped(element: Element, force: str, settings: Settings, log: Log) -> str:
     """Return the expression of a force within its range, if it has one."""
-    given = {str(key): str(value) for key, value in element.attrib.items()}
-    if "forcerange" not in given or not settings.is_limited(given, "force"):
+    if "forcerange" not in element.attrib or not settings.is_limited(element, "force"):
         return force
     low, high = numbers(element, "forcerange", log, count=2)
     return f"min(max({force}, {low!r}), {high!r})" if low < high else force

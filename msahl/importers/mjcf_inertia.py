@@ -23,6 +23,9 @@ from msahl.importers.mjcf_bodies import WORLD
 from msahl.importers.reading import Log, numbers
 from msahl.importers.robot import Axis, Link, Pose, Robot, Terms
 
+MOST_SMALL = 1e-15
+"""The smallest inverse of an inertia, as in MuJoCo."""
+
 Twist = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Velocity of the point of a body at a place, its angular velocity, and that place: (3,) each."""
 
@@ -77,10 +80,6 @@ class ReferenceInertia:
         for name, coefficients in terms:
             c[self.numbers[name]] += coefficients
         return 1.0 / max(float(c @ self._inverse @ c), MOST_SMALL)
-
-
-MOST_SMALL = 1e-15
-"""The smallest inverse of an inertia, as in MuJoCo."""
 
 
 def _twists(axis: Axis, place: Pose) -> Iterator[Twist]:

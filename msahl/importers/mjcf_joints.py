@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from msahl.deck.faults import Element, attribute
-from msahl.importers.mjcf_settings import Settings, rotation_of, several
+from msahl.importers.mjcf_settings import Settings, note_unread, rotation_of, several
 from msahl.importers.reading import Log, direction, number, numbers
 from msahl.importers.robot import Axis, Pose
 
@@ -39,7 +39,7 @@ def read_joint(element: Element, name: str, frame: Pose, settings: Settings, log
     axis.rest = unit * number(element, "springref", log)
     _read_forces(axis, log)
     _read_range(axis, unit, settings, log)
-    _note_others(element, log)
+    note_unread(element, (*READ, *OF_LIMITS), log)
     return axis
 
 
@@ -69,7 +69,7 @@ def note_forces(axis: Axis, log: Log) -> None:
 def _read_range(axis: Axis, unit: float, settings: Settings, log: Log) -> None:
     """Read the range of a joint with limits, of which MuJoCo makes soft ones."""
     element = axis.element
-    if not settings.is_limited({str(k): str(v) for k, v in element.attrib.items()}, ""):
+    if not settings.is_limited(element, ""):
         return
     if axis.kind not in ("hinge", "slide"):
         log.lost(element, f"the range of a {axis.kind} joint")
@@ -79,13 +79,6 @@ def _read_range(axis: Axis, unit: float, settings: Settings, log: Log) -> None:
         axis.lower, axis.upper, axis.limit = unit * lower, unit * upper, element
     else:
         log.fault(element, f"its range is from {lower:g} to {upper:g}; give the lower end first")
-
-
-def _note_others(element: Element, log: Log) -> None:
-    """Note attributes that msahl has nothing for."""
-    for name in map(str, element.attrib):
-        if name not in READ and name not in OF_LIMITS:
-            log.lost(element, f"its {name}")
 
 
 def set_coordinates(axis: Axis, q: list[float], v: list[float]) -> None:

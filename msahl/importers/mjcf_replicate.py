@@ -53,7 +53,7 @@ def _expand(element: Element, count: int, root: Element, settings: Settings, log
     offset = np.array(numbers(element, "offset", log))
     angles = np.array(numbers(element, "euler", log))
     p = np.zeros(3)
-    names = {(kind_of(e), attribute(e, "name")) for e in element.iter() if "name" in e.attrib}
+    names = {(_kind_of(e), attribute(e, "name")) for e in element.iter() if "name" in e.attrib}
     endings = [f"{attribute(element, 'sep')}{i:0{len(str(count))}d}" for i in range(count)]
     frames = []
     for i, ending in enumerate(endings):
@@ -109,7 +109,7 @@ def _copy(element: Element, log: Log) -> Element:
     return copy
 
 
-def kind_of(element: Element) -> str:
+def _kind_of(element: Element) -> str:
     """Return the kind of an element, by which names are unique."""
     return KINDS.get(str(element.tag), str(element.tag))
 

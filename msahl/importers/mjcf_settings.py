@@ -1,7 +1,7 @@
 """Settings of MJCF: ``<compiler>``, classes of ``<default>``, and how frames are given."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,8 +22,6 @@ ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 SHARED = ("gear", "ctrlrange", "ctrllimited", "forcerange", "forcelimited")
 """Attributes of actuators whose defaults are those of actuators of any kind."""
 
-Attributes = Mapping[str, str]
-
 
 @dataclass
 class Settings:
@@ -37,11 +35,20 @@ class Settings:
         """Radians of the unit of angles."""
         return 1.0 if self.compiler.get("angle") == "radian" else math.pi / 180.0
 
-    def is_limited(self, given: Attributes, name: str) -> bool:
-        """Return whether a range counts: ``name`` is "" of joints, "ctrl" or "force"."""
-        word = given.get(f"{name}limited", "auto")
+    def is_limited(self, element: Element, name: str) -> bool:
+        """Return whether a range counts: ``name`` is "" of joints and tendons, "ctrl", "force" or
+        "act".
+        """
+        word = element.get(f"{name}limited", "auto")
         automatic = self.compiler.get("autolimits", "true") == "true"
-        return word == "true" or (word == "auto" and automatic and f"{name}range" in given)
+        return word == "true" or (word == "auto" and automatic and f"{name}range" in element.attrib)
+
+
+def note_unread(element: Element, read: Collection[str], log: Log) -> None:
+    """Note the attributes of an element that are not ``read``."""
+    for name in map(str, element.attrib):
+        if name not in read:
+            log.lost(element, f"its {name}")
 
 
 def read_settings(root: Element, log: Log) -> Settings:

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from msahl.deck.faults import Element, attribute
-from msahl.importers.mjcf_settings import Settings, resolved, several
+from msahl.importers.loads import note_friction
+from msahl.importers.mjcf_settings import Settings, note_unread, resolved, several
 from msahl.importers.options import ImportOptions
 from msahl.importers.reading import Log, number
 from msahl.importers.robot import Axis, Drive, Terms
@@ -93,8 +94,7 @@ def _force(
     if F:
         width = options.friction_width[any(axes[name].kind == "slide" for name, _ in terms)]
         parts.append(f"-{F!r}*tanh({{v}}/{width!r})")
-        message = f"dry friction is regularised: it rises to 76 % of its limit at {width:g}"
-        log.changed(element, f"{message} of the tendon's rate")
+        note_friction(element, f"{width:g} of the tendon's rate", log)
     return " + ".join(parts)
 
 
@@ -113,8 +113,7 @@ def _unloaded(
 
 def _note_others(element: Element, settings: Settings, log: Log) -> None:
     """Note limits, and attributes that msahl has nothing for."""
-    if settings.is_limited({str(k): str(v) for k, v in element.attrib.items()}, ""):
+    if settings.is_limited(element, ""):
         log.lost(element, "its range: msahl has no stop along a tendon")
-    for name in map(str, element.attrib):
-        if name not in READ and element.get(name, "").strip() not in ("0", "0.0", "false"):
-            log.lost(element, f"its {name}")
+    none = {str(k) for k, v in element.attrib.items() if str(v).strip() in ("0", "0.0", "false")}
+    note_unread(element, none.union(READ), log)

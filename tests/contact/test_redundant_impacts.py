@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from msahl.contact import friction
-from msahl.contact.forces import stopping
 from msahl.contact.gradient import project
 from msahl.contact.impact import Contradictory, SeveralAtOnce, impulses
 from msahl.contact.independent import groups
+from msahl.contact.response import stopping
 from tests.contact.test_friction_law import cones
 
 EXACT = 4e-12
