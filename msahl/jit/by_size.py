@@ -32,8 +32,8 @@ def by_size(function: Callable[..., Any], size: int, products: int = 0) -> Calla
 def compiled_at_any_size() -> Iterator[None]:
     """Let this thread run small systems compiled, too.
 
-    No constant changes: machine code is kept by the constants of its sources, so what is compiled
-    here would not be found elsewhere.
+    No constant changes for this: machine code is kept by the constants of its sources, and code
+    compiled with another one is not found by processes that have the usual one.
     """
     _of_thread.__dict__["any_size"] = True
     try:
