@@ -1,5 +1,6 @@
 """The work before the first step grows with the number of bodies: calls and memory, not seconds."""
 
+import gc
 import sys
 import tracemalloc
 
@@ -34,11 +35,15 @@ def calls(function, argument):
         nonlocal count
         count += event in ("call", "c_call")
 
+    # What is collected, of other tests as well, calls functions of its own.
+    gc.collect()
+    gc.disable()
     sys.setprofile(on_event)
     try:
         function(argument)
     finally:
         sys.setprofile(None)
+        gc.enable()
     return count
 
 
