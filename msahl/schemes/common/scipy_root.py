@@ -31,11 +31,12 @@ STEP_TOLERANCE = 1e-11
 """Relative change at which ``hybr`` stops; it converges superlinearly, so the residual is far
 smaller by then."""
 REPAIRS = 3
-"""Newton steps where what redundant constraints leave undetermined was removed. Each gains at least
-three digits: the relaxation relative to the compliances of the joints."""
+"""Newton steps after ``hybr``. Each gains at least three digits: the relaxation relative to the
+compliances of the joints."""
 MOST_REPAIRS = 20
-"""Most Newton steps until a step is solved. Where redundant contacts slide, and all but stick, each
-gains one digit only."""
+"""Most Newton steps where these left a residual below ``NEARLY``. Where redundant contacts slide,
+and all but stick, each gains one digit only."""
+NEARLY = 1e-6
 
 CountWork = Callable[[int], None]
 
@@ -128,8 +129,8 @@ def find_root(step: StepEquations, z: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 
 def polish(step: StepEquations, z: np.ndarray, always: bool = False) -> None:
-    """Improve the root ``z`` by steps of Newton's method until it is solved, by ``REPAIRS`` of them
-    ``always``; the rows are evaluated last at the result.
+    """Improve the root ``z`` by a few steps of Newton's method, ``always`` or until it is solved;
+    the rows are evaluated last at the result.
 
     ``hybr`` scales all unknowns by the largest row: beside that of a stiff spring all motion is
     small, and its digits are missing.
@@ -137,7 +138,7 @@ def polish(step: StepEquations, z: np.ndarray, always: bool = False) -> None:
     f = step.residual(z)
     for k in range(MOST_REPAIRS):
         done = step.outcome.converged and (k >= REPAIRS or not always)
-        if done or not np.isfinite(f).all():
+        if done or not (np.isfinite(f).all() and (k < REPAIRS or step.outcome.residual < NEARLY)):
             break
         A = step.jacobian(z)
         if not np.isfinite(A).all():
