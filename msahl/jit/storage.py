@@ -41,8 +41,8 @@ class Storage:
     def __init__(self, constant: tuple[type, ...] = (), kind: Hashable = None) -> None:
         self.kind, self._constant = kind, constant
         self._groups: dict[Hashable, tuple[Any, ...]] = {}
-        self._owned: set[int] = set()  # identities of their arrays, which live as long as they do
-        self.size = 0  # bytes of all arrays
+        self._owned: set[int] | None = None  # identities of their arrays, once they were asked for
+        self._bytes = 0  # of these arrays
         self.runs = 0  # begun so far
         self._slow: set[Callable[..., Any]] = set()  # kernels without code at hand
         self._doubles: dict[int, tuple[Any, list[np.ndarray]]] = {}  # by the group's identity
@@ -60,9 +60,22 @@ class Storage:
             return kept  # type: ignore[no-any-return]
         self._groups[name] = fresh
         self._doubles.clear()
-        arrays = {id(one): one for group in self._groups.values() for one in arrays_in(group)}
-        self._owned, self.size = set(arrays), sum(one.nbytes for one in arrays.values())
+        self._owned = None
         return fresh
+
+    @property
+    def owned(self) -> set[int]:
+        """Identities of all arrays, which live as long as they do."""
+        if self._owned is None:  # most groups come one after the other before it is asked for
+            groups = self._groups.values()
+            arrays = {id(one): one for group in groups for one in arrays_in(group)}
+            self._owned, self._bytes = set(arrays), sum(one.nbytes for one in arrays.values())
+        return self._owned
+
+    @property
+    def size(self) -> int:
+        """Bytes of all arrays."""
+        return self._bytes if self.owned else 0
 
     def call(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
         """Call a ``kernel`` that a run needs once or twice, with groups of this storage: as plain
@@ -100,7 +113,7 @@ class Storage:
                 continue
             if isinstance(new, np.ndarray):
                 # An array of another group must be that group's own: both are changed together.
-                if id(new) in self._owned or not _same_form(old, new):
+                if id(new) in self.owned or not _same_form(old, new):
                     return False
                 if not constant or new.dtype == float:
                     into.append((old, new))

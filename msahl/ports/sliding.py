@@ -15,7 +15,9 @@ a trial
 
     d = (|s . d0| d0 + s - (s . d0) d0)/|s|         d0 the direction at the start of the step
 
-goes on along the same line, where s/|s| jumps. Where |s| is too small to have one, d is d0.
+goes on along the same line, where s/|s| jumps. Where |s| is too small to have one, d is d0: for s
+above stands s + d0 e^3/(s . s + e^2), with e 1e-10 of the largest speed. A direction that jumped
+from d0 to s/|s| would be none for slips that begin, which pass e within a step.
 
 A slip that begins is that small at first, and its direction is known from the solution only. Then
 
@@ -69,18 +71,21 @@ class Sliding(NamedTuple):
 
 @kernel
 def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, float, float]:
-    """Return d of contact ``k`` at the slip ``s``, and |s| or with a width sqrt(s . s + w^2), which
-    is 0 where it is too small.
+    """Return d of contact ``k`` at the slip ``s``, and what s is divided by; 0 where it has no
+    direction.
     """
     if group.width[0] > 0.0:
         speed = math.sqrt(s_1 * s_1 + s_2 * s_2 + group.width[0] * group.width[0])
         return s_1 / speed, s_2 / speed, speed
-    t_1, t_2, speed = group.toward[k, 0], group.toward[k, 1], math.sqrt(s_1 * s_1 + s_2 * s_2)
-    if speed <= group.still[k]:
+    t_1, t_2, still = group.toward[k, 0], group.toward[k, 1], group.still[k]
+    along, square = s_1 * t_1 + s_2 * t_2, s_1 * s_1 + s_2 * s_2 + still * still
+    if square == 0.0:
         return t_1, t_2, 0.0
-    along = s_1 * t_1 + s_2 * t_2
     if along < 0.0:
         s_1, s_2 = s_1 - 2.0 * along * t_1, s_2 - 2.0 * along * t_2
+    part = still * still * still / square
+    s_1, s_2 = s_1 + part * t_1, s_2 + part * t_2
+    speed = math.sqrt(s_1 * s_1 + s_2 * s_2)
     return s_1 / speed, s_2 / speed, speed
 
 
@@ -88,18 +93,30 @@ def direction(group: Sliding, k: int, s_1: float, s_2: float) -> tuple[float, fl
 def direction_slope(
     group: Sliding, k: int, d: tuple[float, float], s: tuple[float, float], i: int
 ) -> tuple[float, float]:
-    """Return the derivative of component ``i`` of the direction ``d`` by s, times |s|, or with a
-    width times sqrt(s . s + w^2).
+    """Return the derivative of component ``i`` of the direction ``d`` by s, times what s is divided
+    by.
     """
     if group.width[0] > 0.0:
         return (1.0 if i == 0 else 0.0) - d[i] * d[0], (0.0 if i == 0 else 1.0) - d[i] * d[1]
-    t_1, t_2 = group.toward[k, 0], group.toward[k, 1]
+    t_1, t_2, still = group.toward[k, 0], group.toward[k, 1], group.still[k]
+    along, square = s[0] * t_1 + s[1] * t_2, s[0] * s[0] + s[1] * s[1] + still * still
     row_1, row_2 = -d[1], d[0]
-    if s[0] * t_1 + s[1] * t_2 < 0.0:
-        along = row_1 * t_1 + row_2 * t_2
-        row_1, row_2 = row_1 - 2.0 * along * t_1, row_2 - 2.0 * along * t_2
+    if along < 0.0:
+        across = row_1 * t_1 + row_2 * t_2
+        row_1, row_2 = row_1 - 2.0 * across * t_1, row_2 - 2.0 * across * t_2
+    part = 2.0 * still * still * still * (d[0] * t_2 - d[1] * t_1) / (square * square)
+    row_1, row_2 = row_1 - part * s[0], row_2 - part * s[1]
     across_d = -d[1] if i == 0 else d[0]
     return across_d * row_1, across_d * row_2
+
+
+@optional(False)
+def any_slides(group: Sliding) -> bool:
+    """Whether a contact slides."""
+    found = False
+    for k in range(group.row.size):
+        found = found or group.friction[k] != 0.0
+    return found
 
 
 @optional(0.0)

@@ -51,9 +51,10 @@ SMALLER, SHORTER_PARTS = 0.125, 3
 """Part of a step that is taken where a slip that begins seems to end in it, and how often."""
 SHORTEST = 1e-14
 """Fraction of a step that is none: round-off of its times."""
-NEAR = 1e-9
-"""Fraction of a step by which a width of friction may be passed, where the rest of a step would be
-as short: forces would be round-off over its time."""
+NEAR, CLOSE = 1e-9, 1e-12
+"""Fractions of a step by which it may pass an event of friction or of a force, and another one,
+where the rest of the step would be as short: slips and forces would be round-off over its time. The
+next step begins with the event."""
 FINEST = 2.0**-20
 """Least fraction of a step with which parts begin that resolve friction: rates of change that are
 differences over a shorter one are round-off."""
@@ -587,7 +588,9 @@ class FixedStepper:
         try:
             near = detection.round_off(event.margin)
             part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest, near)
-            if part < rest <= part + NEAR and detection.time_of_a_width(event) < math.inf:
+            of_force = detection.is_force(event.margin)
+            of_force = of_force or detection.time_of_a_width(event) < math.inf
+            if part < rest <= part + (NEAR if of_force else CLOSE):
                 margin(rest)
                 part = rest
         except NoStep:

@@ -171,6 +171,7 @@ def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> Coordinates
         load=np.zeros(q),
         size=np.zeros(q),
         term_size=np.zeros(nodes),
+        partial=np.zeros(1, dtype=bool),
     )
 
 

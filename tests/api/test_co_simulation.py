@@ -49,6 +49,7 @@ def sampled(point):
     return state[0]
 
 
+@pytest.mark.slow
 def test_a_controller_outside_has_the_order_of_its_interval():
     """Forces held over an interval come half of it too late: order 1, at 1 kHz 1.2 mm here."""
     exact = controlled_in_deck()

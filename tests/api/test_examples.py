@@ -3,10 +3,12 @@
 import runpy
 
 import numpy as np
+import pytest
 
 from tests.support.models import ROOT
 
 
+@pytest.mark.slow
 def test_the_fit_of_a_damper_finds_what_made_the_curve(capsys):
     fit = runpy.run_path(str(ROOT / "examples" / "fit_damper.py"))
     # The curve is the closed form of these parameters with a noise of 1 mm (seeded). An estimate

@@ -179,6 +179,7 @@ def test_all_of_the_end_of_a_run_is_in_its_last_step_or_pair(sizes, degree, shar
     assert [tangent_run._end_share(steps, k) for k in range(len(steps))] == shares
 
 
+@pytest.mark.slow
 def test_the_equilibrium_from_which_a_run_starts_moves_with_the_parameters(tmp_path):
     deck = (DECKS / "machines/quarter_car.xml").read_text()
     deck = deck.replace("<simulation>", '<simulation start="equilibrium">')

@@ -116,6 +116,7 @@ def test_parameters_and_parts_are_changed_without_reading_files_again(tmp_path):
     assert b"<name>A.Bob</name>" in other.xml
 
 
+@pytest.mark.slow
 def test_all_faults_of_a_deck_are_raised(tmp_path):
     text = SINGLE.read_text().replace("<mass", "<mess").replace("</mass", "</mess")
     with pytest.raises(msahl.DeckError) as caught:

@@ -288,6 +288,7 @@ def test_an_interrupted_run_keeps_its_rows_and_says_so(tmp_path, number):
 # Other commands ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_check_reports_every_fault_of_every_deck(tmp_path):
     good = call("check", *DECKS)
     assert good.exit_code == 0

@@ -49,6 +49,7 @@ def call(*words):
     return CliRunner().invoke(main, [str(word) for word in words])
 
 
+@pytest.mark.slow
 def test_tables_of_a_pendulum_that_hangs_and_stands(tmp_path):
     deck = DECKS / "basics/parameters.xml"
     result = call("equilibrium", deck, "--starts", 6, "-o", tmp_path / "out")
@@ -65,6 +66,7 @@ def test_tables_of_a_pendulum_that_hangs_and_stands(tmp_path):
     assert list(rows["equilibrium"]) == [1.0, 2.0]
 
 
+@pytest.mark.slow
 def test_a_deck_without_equilibrium_exits_with_its_status():
     result = call("equilibrium", DECKS / "basics/ballistic_point.xml")
     assert result.exit_code == 3
@@ -183,6 +185,7 @@ def test_a_motion_that_moves_at_the_start_is_held_with_a_warning():
     assert "WARN: motion 'Motor' is held where it begins, but moves at t = 0" in result.output
 
 
+@pytest.mark.slow
 def test_equilibria_in_python(start):
     model = msahl.load(start)
     rest = model.equilibrium()

@@ -74,6 +74,7 @@ def test_long_tables_have_lines_in_a_pipe(folders, monkeypatch):
     assert "of 26 rows" not in call(*words, "-q").stderr
 
 
+@pytest.mark.slow
 def test_motions_by_a_table_and_as_what_the_command_wrote(folders, tmp_path):
     columns = pd.read_csv(folders / "run/joints.csv")[["time", "Shaft.angle", "Shaft.angleRate"]]
     columns.to_csv(tmp_path / "motion.csv", index=False)

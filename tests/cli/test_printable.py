@@ -101,6 +101,7 @@ def test_nor_does_one_of_a_good_deck_or_of_a_folder(tmp_path, name):
         assert SAFE.fullmatch(result.stderr.strip("\n"))
 
 
+@pytest.mark.slow
 def test_a_title_and_what_run_json_says_are_no_markup(tmp_path, monkeypatch):
     monkeypatch.setattr("msahl.post.run_report._pictures", lambda run: ([], []))
     evil = "\x1b[2J | <b>x</b> [a](b)"

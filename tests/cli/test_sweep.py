@@ -198,6 +198,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
     assert "choose another folder with -o" in result.stderr
 
 
+@pytest.mark.slow
 def test_an_interruption_leaves_a_sweep_that_goes_on(tmp_path):
     folder, number = tmp_path / "s", signal.SIGINT
     words = (

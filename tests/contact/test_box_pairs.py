@@ -60,6 +60,7 @@ def independent_distance(one, two):
     return np.linalg.norm(A @ found.x - one[0] + two[0])
 
 
+@pytest.mark.slow
 def test_the_least_of_all_parts_is_the_distance_of_the_boxes():
     random, cases, crossing = np.random.default_rng(3), 0, 0
     for _ in range(400):
@@ -308,6 +309,7 @@ def test_boxes_in_a_set_touch_all_other_members(tmp_path):
     assert {type(part) for part in sides} == {BoxContact, CapsuleContact}
 
 
+@pytest.mark.slow
 def test_the_stack_of_the_deck_stops_and_stays():
     report, sink, events = run_events(deck("stack_of_boxes"), "gauss2")
     # Digits of the deck's numbers.
@@ -320,6 +322,7 @@ def test_the_stack_of_the_deck_stops_and_stays():
     assert sum(name.startswith("Rest.edge") for name in report.contacts["closed"]) == 8
 
 
+@pytest.mark.slow
 def test_a_stack_at_rest_does_not_creep():
     model = deck("stack_of_boxes")
     still = replace(model.bodies[2], velocity=ZERO)
@@ -330,6 +333,7 @@ def test_a_stack_at_rest_does_not_creep():
     assert np.abs(states[-1, 1:] - states[0, 1:]).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "least"), [("gauss2", 3.9), ("gauss3", 5.8)])
 def test_the_order_holds_through_impacts_of_edges(scheme, least):
     """Free boxes that spin: the first impacts of an edge on an edge, in 0.25 s."""

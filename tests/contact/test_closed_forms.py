@@ -73,6 +73,7 @@ def test_preserving_finds_impacts_to_its_order():
 PERIOD, DOWN = 1.42803314394233, 0.714016571971165
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "steps", "least"),
     [("gauss2", (0.04, 0.02, 0.01), 3.9), ("gauss3", (0.08, 0.04, 0.02), 5.8)],
@@ -111,6 +112,7 @@ def test_rope_goes_slack_and_taut_again():
     assert report.extremes["energyErrorMax"] < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "impacts"),
     [
@@ -153,6 +155,7 @@ def test_velocity_error_at_a_row_that_an_impact_may_have_passed(late):
         assert 1.3 < report.error["velocity"] / true < 1.8
 
 
+@pytest.mark.slow
 def test_impact_oscillator_comes_to_one_impact_per_cycle():
     """x'' + x = cos 2.2t, x <= 0, e = .8: deviations fall to .8 in each cycle."""
     lateral = ConcentratedLoad(

@@ -60,6 +60,7 @@ def test_one_contact_rebounds_by_its_restitution(law):
     assert v + W @ impulses(law, W, v, e) == pytest.approx([1.2], abs=1e-15)
 
 
+@pytest.mark.slow
 def test_poisson_never_gains_energy():
     rng = np.random.default_rng(3)
     for _ in range(2000):

@@ -91,6 +91,7 @@ MOST = 20
 which may begin to slide as well."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("y", [0.013, 0.0])
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_a_box_that_is_slid_over_an_edge_tips(friction, y):
@@ -109,6 +110,7 @@ def test_a_box_that_is_slid_over_an_edge_tips(friction, y):
     assert np.log2(errors[0] / errors[1]) > 5.8
 
 
+@pytest.mark.slow
 @pytest.mark.sampled
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])

@@ -431,6 +431,7 @@ def test_order_through_breaks_from_static_friction(scheme, steps, least):
     assert (orders >= least).all()
 
 
+@pytest.mark.slow
 def test_tolerance_holds_through_breaks_in_large_steps():
     """A step from the break may last beyond the end of the slip, which is zero at both."""
     model = shaken()

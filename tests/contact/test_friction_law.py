@@ -39,6 +39,7 @@ def mechanism(rng):
     return count, 0.5 * (W + W.T), G @ u
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanisms", [300, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_random_mechanisms(mechanisms):
     """The conditions of the problem itself, which no method solves here; poisson gains no energy.
@@ -81,6 +82,7 @@ def stepped(W, v, L_n, mu, steps=4000):
     return total
 
 
+@pytest.mark.slow
 def test_stronge_is_the_limit_of_small_steps():
     rng = np.random.default_rng(5)
     for _ in range(8):

@@ -62,6 +62,7 @@ def test_a_landing_gear_takes_the_drop(tmp_path):
     assert found[:, 0].min() < found[-1, 0] - 0.01  # it has been lower, and comes back
 
 
+@pytest.mark.slow
 def test_a_wheel_without_rim_walks_down_a_slope(tmp_path):
     run = run_deck(tmp_path, deck_path("walking_wheel"))
     a, slope, inertia = np.pi / 8.0, np.radians(4.0), 0.4 + 2.0
@@ -80,6 +81,7 @@ def test_a_wheel_without_rim_walks_down_a_slope(tmp_path):
     assert (np.diff(np.abs(squares - limit)) < 0.0).all()
 
 
+@pytest.mark.slow
 def test_a_chain_is_laid_on_a_floor(tmp_path):
     run = run_deck(tmp_path, deck_path("falling_chain"))
     hangs = run.reactions.time < 0.0995
@@ -98,6 +100,7 @@ def test_a_chain_is_laid_on_a_floor(tmp_path):
     assert weight == pytest.approx([0.01 * G] * 10, rel=RELAXED)
 
 
+@pytest.mark.slow
 def test_a_pin_lies_against_its_hole_as_a_link_does(tmp_path):
     """The pin leaves where the force of the link vanishes, and stays in the hole."""
     path = deck_path("clearance")

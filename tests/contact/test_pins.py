@@ -117,6 +117,7 @@ def test_a_geneva_wheel_moves_by_quarters():
     assert report.extremes["energyErrorMax"] < 1e-9
 
 
+@pytest.mark.slow
 def test_a_ratchet_stops_where_its_pawl_is_in_balance():
     _, sink, _ = run_events(deck("ratchet"), "gauss3")
     x, y = sink.table("joints")[-1, [1, 3]]

@@ -73,6 +73,7 @@ def test_the_order_is_kept(rate, scheme, sizes, least, tmp_path):
     assert slope > least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "close"), [
     ("gauss2", 1e-5), ("gauss3", 1e-6), ("radau2", 1e-4), ("preserving", 1e-4),
 ])  # fmt: skip
@@ -100,11 +101,13 @@ def group(width, friction=0.3, still=1e-10):
     )
 
 
-@pytest.mark.parametrize("width", [0.0, 1e-3, 0.2, 50.0])
+@pytest.mark.parametrize(("width", "still"), [
+    (0.0, 1e-10), (1e-3, 1e-10), (0.2, 1e-10), (50.0, 1e-10), (0.0, 0.1), (0.0, 0.3), (0.0, 1.0),
+])  # fmt: skip
 @pytest.mark.parametrize("slip", [(0.3, 0.2), (-0.3, 0.2), (0.01, -0.4)])
-def test_the_slope_of_a_direction_is_its_derivative(width, slip):
+def test_the_slope_of_a_direction_is_its_derivative(width, still, slip):
     """Differences of order 2 over 1e-6 m/s: 1e-10."""
-    of, e = group(width), 1e-6
+    of, e = group(width, still=still), 1e-6
     d_1, d_2, speed = sliding.direction(of, 0, *slip)
     for i in range(2):
         row = sliding.direction_slope(of, 0, (d_1, d_2), slip, i)
@@ -114,6 +117,14 @@ def test_the_slope_of_a_direction_is_its_derivative(width, slip):
             near[1][j] += e
             low, high = (sliding.direction(of, 0, *at)[i] for at in near)
             assert row[j] / speed == pytest.approx((high - low) / (2.0 * e), abs=1e-8)
+
+
+def test_a_direction_begins_as_that_before_and_becomes_that_of_the_slip():
+    """Of slips at a right angle to d0: what stands for the slip differs from it by e^3/s^2."""
+    of = group(0.0, still=1e-3)
+    for slip, close in ((1e-9, 1e-5), (1e-6, 2e-3)):
+        assert sliding.direction(of, 0, 0.0, slip)[:2] == pytest.approx((1.0, 0.0), abs=close)
+    assert sliding.direction(of, 0, 0.0, 1.0)[:2] == pytest.approx((0.0, 1.0), abs=2e-9)
 
 
 def test_no_width_is_sought_where_nothing_slides():

@@ -60,6 +60,7 @@ def test_a_box_tumbles_and_comes_to_rest_on_a_face(tmp_path, scheme):
     assert 0.0 < lost < 0.5 * 4.0 + 0.5 * (0.09 + 0.5 + 0.03) + 9.81
 
 
+@pytest.mark.slow
 def test_slips_of_a_face_that_lands_end_at_once(tmp_path):
     """By steps of a tolerance it lands with slips of 3e-7 m/s at four corners, whose ways of 1e-14
     m no step resolves.

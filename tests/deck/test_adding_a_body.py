@@ -50,6 +50,7 @@ def test_the_body_is_shown_and_run(checkout):
     assert gradient["derivative"] == pytest.approx(by_r, rel=1e-3)  # likewise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

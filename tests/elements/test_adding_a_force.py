@@ -144,6 +144,7 @@ def test_laws_have_at_most_40_lines():
     assert len(contact.read_text().splitlines()) <= 80
 
 
+@pytest.mark.slow
 def test_the_force_along_a_coordinate_is_checked_and_run(along):
     good = call(along, "check", "cogging.xml")
     assert (good.returncode, good.stdout) == (0, "cogging.xml: good\n"), good.stderr

@@ -110,6 +110,7 @@ def test_distances_are_those_of_plane_geometry():
     )
 
 
+@pytest.mark.slow
 def test_a_spline_is_as_near_as_its_points_are_dense():
     """Distances outside of an ellipse against those by its parameter; the spline is of order 4."""
     errors = []

@@ -40,6 +40,7 @@ def random_products(rng):
     return products_of(rng.normal(size=(3, 3)))
 
 
+@pytest.mark.slow
 def test_nearest_points_are_those_of_a_search():
     rng = np.random.default_rng(1)
     for _ in range(200):
@@ -101,6 +102,7 @@ def test_derivatives_are_those_of_differences():
     assert checked > 600
 
 
+@pytest.mark.slow
 def test_kinks_change_their_sign_where_a_foot_comes_to_an_end():
     rng, crossed = np.random.default_rng(4), 0
     ends = np.array([HALF])

@@ -39,6 +39,7 @@ def slope(function, x):
     return (near[0] - 8.0 * near[1] + 8.0 * near[2] - near[3]) / (12.0 * d)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [
     {"scheme": "preserving"}, {"scheme": "gauss3", "dt": 0.03},
     {"scheme": "auto", "tolerance": 1e-8},
@@ -64,6 +65,7 @@ def test_rest_after_infinitely_many_impacts_has_no_derivative_left():
     assert abs(found.jacobian[0, 0]) < CLOSE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["preserving", "gauss3"])
 def test_the_time_at_which_a_slip_ends_moves(scheme):
     """x = 12 v^2/(49 mu g) + 5/7 v (t - 2 v/(7 mu g)), when the sphere rolls."""
@@ -144,6 +146,7 @@ def test_the_time_of_an_impact_that_stops_the_run_is_refused(marked):
         marked.gradient("Ball.z final", "Floor.restitution", error="off", stop_when="P.vz > 1")
 
 
+@pytest.mark.slow
 def test_other_events_near_the_value_are_refused():
     """With a smaller radius the ball falls first, and with a larger one it overlaps."""
     with pytest.raises(GradientError, match="the events of runs with values near it are others"):

@@ -21,6 +21,7 @@ def rotated(random):
     return Q * np.sign(np.diag(R))
 
 
+@pytest.mark.slow
 def test_the_nearest_tensor_is_possible_and_no_possible_one_is_nearer():
     random = np.random.default_rng(4)
     for _ in range(60):

@@ -32,6 +32,7 @@ def keyed(tmp_path, numbers):
     return path
 
 
+@pytest.mark.slow
 def test_a_robot_with_four_loops_moves_as_its_tree_with_constraints(tmp_path, expected):
     found = import_file(keyed(tmp_path, expected), ImportOptions(key="k"))
     assert not [note for note in found.notes if "open by" in note.message]

@@ -325,6 +325,7 @@ def test_included_files_lie_below_the_folder(tmp_path, imported):
         assert "below the folder" in text or "includes itself" in text
 
 
+@pytest.mark.slow
 def test_an_imported_deck_is_exported_and_read_back_to_the_same_motion(tmp_path):
     model = msahl.load(import_file(LEG, ImportOptions(key="crouched")).source.data)
     records = msahl.Model(model.records)

@@ -198,6 +198,7 @@ def test_a_file_that_is_missing_is_made_and_linked_with_the_others(tmp_path):
         assert path.exists()
 
 
+@pytest.mark.slow
 def test_plain_numba_gives_the_same_digits(tmp_path):
     """Where numba's insides differ from what is extended, it compiles everything itself."""
     assert run_program(tmp_path, MSAHL_PLAIN_NUMBA="1") == uncompiled_program()

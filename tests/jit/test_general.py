@@ -25,6 +25,7 @@ def kind_of(name):
     return round_up((describe(build_system(read_deck(DECKS / f"{name}.xml"))),))
 
 
+@pytest.mark.slow
 def test_types_are_those_of_models_that_have_the_groups():
     """Where this fails, a group has new arrays: run python -m tools.optional_groups."""
     assert types_of_groups() == find_types()

@@ -47,6 +47,7 @@ def add_before(path, line, addition, times):
     path.write_text(text)
 
 
+@pytest.mark.slow
 def test_the_deck_of_the_guide_is_checked_and_run(checkout):
     good = call(checkout, "check", f"{MODULE}.xml")
     assert (good.returncode, good.stdout) == (0, f"{MODULE}.xml: good\n"), good.stderr
@@ -119,6 +120,7 @@ def test_a_prescribed_motion_of_the_joint(checkout):
     assert states["Bead.z"].to_numpy() == pytest.approx(height.to_numpy(), abs=1e-14)
 
 
+@pytest.mark.slow
 def test_a_wrong_deck_of_the_guide_is_reported_as_it_says(checkout):
     (told,) = re.findall(rf"^ +({MODULE}\.xml:30: .*)$", GUIDE, re.M)
     wrong = DECK_TEXT.replace('<radius units="m">0.5<', '<radius units="m">0.6<')

@@ -248,6 +248,7 @@ SECTION = {
 """Forces [N] and moments [N m] in bar AB at 0.5281754 of its length, likewise."""
 
 
+@pytest.mark.slow
 def test_the_four_bar_follows_its_equilibria_through_both_flat_positions():
     model = deck("flexible_four_bar")
     run = simulate(model, dt=0.02, error="off")

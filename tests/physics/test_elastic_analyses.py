@@ -39,6 +39,7 @@ def test_batches_are_single_runs():
         assert float(one["Blade.energy"][-1]) == energy(g)
 
 
+@pytest.mark.slow
 def test_a_run_is_resumed_to_the_byte(tmp_path, monkeypatch):
     words = (BLADE, "--dt", 0.01, "--t-final", 0.1)
     result = interrupted(monkeypatch, tmp_path / "out", *words)
@@ -48,6 +49,7 @@ def test_a_run_is_resumed_to_the_byte(tmp_path, monkeypatch):
     assert tables(tmp_path / "out") == tables(tmp_path / "complete")
 
 
+@pytest.mark.slow
 def test_a_sweep_over_the_damping_of_a_mode(tmp_path):
     """Mode 1 is released at rest: after 20 ms it has the amplitude of its own oscillator with the
     damping of each point. Its decrement by period is 2 pi zeta/(1 - zeta^2)^(1/2)."""
@@ -82,6 +84,7 @@ def test_a_sweep_over_the_damping_of_a_mode(tmp_path):
         assert found == pytest.approx(wanted, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_the_motor_of_a_mechanism_by_inverse_dynamics():
     """States and accelerations of the bodies that tables show determine the motion, amplitudes
     too; without them the message names the body, not what carries its mass."""
@@ -156,6 +159,7 @@ def test_modes_about_a_rotating_equilibrium(blades):
     assert linear[0] < 0.95 * exact[0]
 
 
+@pytest.mark.slow
 def test_the_hub_carries_the_weight_of_a_sagging_blade(blades):
     """Its moment is m g times the mean x, which is less as the blade sags by an eighth of its
     length: by 0.61 % with large displacements."""

@@ -121,6 +121,7 @@ def test_a_free_body_keeps_energy_and_momenta(body, scheme):
     assert extremes["energyErrorMaxRelative"] < limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "order", "dt"), [("preserving", 2, 2e-5), ("gauss2", 4, 4e-5), ("gauss3", 6, 1.6e-4)]
 )
@@ -141,6 +142,7 @@ def test_order_against_the_equations_of_the_floating_frame(body, scheme, order, 
     assert slope[2] == pytest.approx(order, abs=0.45), (errors, slope)
 
 
+@pytest.mark.slow
 def test_motion_by_the_invariants_of_the_reduced_body(body):
     """The true invariants differ from those of the particles by the deviation, 2e-4, in terms of
     second order: amplitudes of 5 mm then move by less than 1e-4 of that in half a period."""
@@ -185,6 +187,7 @@ def test_damping_of_a_mode_is_that_of_its_oscillator(body):
     assert lost == pytest.approx(-energy, rel=2.0 * decay[-1] ** 2)
 
 
+@pytest.mark.slow
 def test_the_deck_of_a_free_rod():
     """Its first mode is an oscillator with the damping of the deck, and keeps to itself."""
     result = simulate(read_deck(ROOT / "decks" / "elastic" / "reduced_rod.xml"))
@@ -207,6 +210,7 @@ def middle(result):
     return along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]
 
 
+@pytest.mark.slow
 def test_slider_crank_against_beams():
     """Slowly the rod bends as that of beams does: the axial force, which stiffens beams alone, has
     a part of (8/40)^2 of the 2 % that it makes at 40 rad/s, 0.1 %."""

@@ -86,6 +86,7 @@ class Modes:
         return y[0], y[0] - self.parts(y)[0], y[1]
 
 
+@pytest.mark.slow
 def test_a_rigid_impact_on_an_elastic_body(folder):
     """One impact with a restitution of 0.6: the impulse is that of the modes' effective mass, and
     the vibration that of the impulse."""
@@ -109,6 +110,7 @@ def test_a_rigid_impact_on_an_elastic_body(folder):
     assert found == pytest.approx(wanted, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_compliant_contact_on_an_elastic_body(folder):
     """The ball presses for 1 ms, while the body vibrates."""
     modes = Modes()

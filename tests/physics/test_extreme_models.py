@@ -73,6 +73,7 @@ def test_a_spring_with_a_period_of_a_millionth_of_the_step_is_bounded(scheme, so
         assert energy.min() >= energy[0] * (1.0 - 1e-9)
 
 
+@pytest.mark.slow
 def test_a_million_steps_of_a_pendulum():
     run = simulate(pendulum(), dt=0.002, t_final=2000.0, every=10_000, solver="newton")
     assert run.report.steps == 1_000_000

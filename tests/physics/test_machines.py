@@ -96,6 +96,7 @@ def slopes(found):
     return [float(np.log2(a / b)) for a, b in pairwise(found)]
 
 
+@pytest.mark.slow
 @pytest.mark.sampled
 @pytest.mark.parametrize(("name", "scheme"), CASES, ids=["-".join(case) for case in CASES])
 def test_a_machine_is_approached_with_the_order_of_the_scheme(name, scheme):
@@ -177,6 +178,7 @@ def test_the_current_of_the_motor_is_that_of_its_circuit():
     assert slopes(found) == pytest.approx([2.0], abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_payload_unknown_to_the_controller():
     """Half a kilogram at the tool: the robot sags, as its equations of motion say."""
     model = deck("robot")

@@ -40,6 +40,7 @@ def rotated(run, body):
     return angle[-1] - angle[0]
 
 
+@pytest.mark.slow
 def test_andrews_squeezer_comes_to_its_reference_with_order_two():
     model = deck("andrews_squeezer")
     names = [body.name for body in model.bodies]

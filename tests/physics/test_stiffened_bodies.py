@@ -31,6 +31,7 @@ def rotating(body, speed, stiffening=True):
     return elastic_model(body, start, stiffening=stiffening, joints=(hub,), motions=(motor,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", PUBLISHED)
 def test_frequencies_of_a_rotating_blade(speed):
     """Six modes with the root fixed, four of them of flapping. Rotary inertia takes 1.6e-5 of the
@@ -59,6 +60,7 @@ def test_a_free_body_keeps_energy_and_momenta():
     assert result.report.extremes["constraintViolationMax"] < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "order", "dt"), [("preserving", 2, 1e-3), ("gauss2", 4, 2e-3), ("gauss3", 6, 4e-3)]
 )

@@ -26,6 +26,7 @@ def rotor(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_pictures_show_the_modes_and_the_critical_speeds(rotor):
     diagram = read_diagram(rotor)
     assert (diagram.parameter, diagram.orders, diagram.speed) == ("speed [rad/sec]", (1.0,), 1.0)
@@ -57,6 +58,7 @@ def test_files_and_page(rotor, tmp_path, open_page):
     assert "forward whirl" in page.locator("table").first.inner_text()
 
 
+@pytest.mark.slow
 def test_folders_that_are_none(rotor, tmp_path):
     assert "no campbell.json" in post(tmp_path).output
     for name in ("campbell.csv", "critical.csv"):

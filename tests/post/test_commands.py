@@ -63,6 +63,7 @@ def test_a_partial_and_a_thinned_run_say_so(tmp_path):
     assert call("plot", tmp_path / "thin", "work", "-o", tmp_path).exit_code == 2
 
 
+@pytest.mark.slow
 def test_plot_writes_what_it_says(run, tmp_path):
     words = ("--format", "png", "--format", "svg", "-o", tmp_path / "pictures")
     result = call("plot", run, *words)
@@ -85,6 +86,7 @@ def test_plot_of_one_kind_and_body(run):
     assert result.stderr == "msahl-post: no joint 'Elbow' in the model (it has: Pivot)\n"
 
 
+@pytest.mark.slow
 def test_report_holds_everything(reported):
     run, result = reported
     assert result.exit_code == 0
@@ -150,6 +152,7 @@ def test_a_wrong_folder_is_one_clear_line(tmp_path, command):
     assert "deck.xml" in result.stderr
 
 
+@pytest.mark.slow
 def test_tables_do_without_matplotlib(run):
     script = (
         "import sys; from msahl.post.cli import main; "

@@ -108,6 +108,7 @@ def test_elastic_energy_is_part_of_the_balance(run_of, deck, spring):
     assert (row[-2] is not None, row[-1] is not None) == (spring, spring)
 
 
+@pytest.mark.slow
 def test_reactions_that_are_not_unique_are_marked(run_of):
     run = run_of("mechanisms/bricard")
     metrics = compute_metrics(run)
@@ -122,6 +123,7 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
     assert "redundant" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("deck", "found"),
     [

@@ -322,6 +322,7 @@ def test_without_the_extra_a_message_says_how_to_install_it(name, tmp_path, monk
         reduced(path, ["Root"])
 
 
+@pytest.mark.slow
 def test_other_commands_import_neither_library():
     code = (
         "import sys, msahl.cli.main, msahl.cli.reduce, msahl.reduction.mesh.reduce\n"

@@ -98,6 +98,7 @@ def test_the_statics_of_a_cantilever_are_those_of_beam_theory(kind):
     assert flexibility[2, 2] == pytest.approx(L**3 / (3 * EI) + shear, abs=0.25 * shear)
 
 
+@pytest.mark.slow
 def test_a_cantilever_has_the_frequencies_of_timoshenkos_theory():
     body, errors = reduced(
         box_mesh("hexahedron20", (12, 2, 2), (L, B, H)), STEEL, number=8, frame="Root"
@@ -161,6 +162,7 @@ def true_eigenvalue():
     return fine - (coarse - fine) / 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_eigenvalues_converge_with_twice_the_order_of_the_slopes(kind, true_eigenvalue):
     order, counts = (4, (2, 4)) if kind in QUADRATIC else (2, (5, 10))

@@ -94,6 +94,7 @@ def test_the_section_has_the_unit_of_the_mesh():
     assert volume(found.body.skin) == pytest.approx(1e-9 * 0.3 * 0.008 * 0.005, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_large_skins_are_thinned():
     """A grid of a plane with a shape that is linear in the place stays so; no triangle is lost to
     another place."""

@@ -65,6 +65,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_rows_before_a_full_disk_are_complete_and_the_run_can_go_on(tmp_path):
     """Files may not grow beyond 20 kB, far less than a run of 200 rows of 13 doubles writes."""
     words = [str(word) for word in (SINGLE, "--dt", 0.01, "--t-final", 2.0)]
@@ -301,6 +302,7 @@ def test_a_failed_run_fails_at_the_same_step_when_it_goes_on(tmp_path, monkeypat
 # Many runs ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_study_without_a_start_or_a_run_to_its_end_says_so(tmp_path):
     deck = tmp_path / "deck.xml"
     deck.write_text(OPENING)

@@ -120,6 +120,7 @@ def test_accelerations_are_of_the_bodies_that_are_shown(folder):
     assert (shown == rows[:, place]).all()
 
 
+@pytest.mark.slow
 def test_modes_and_equilibria_show_the_bodies_that_the_deck_names():
     model = msahl.load(BLADE)
     rest, modes = model.equilibrium(), model.modes()

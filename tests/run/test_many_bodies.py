@@ -66,6 +66,7 @@ def test_calls_grow_with_the_number_of_bodies(paths, stage):
     assert (many - more) / 1000 == pytest.approx((more - few) / 500, rel=0.02)
 
 
+@pytest.mark.slow
 def test_memory_grows_with_the_number_of_bodies(paths):
     peaks = []
     for path in paths[1:]:

@@ -127,6 +127,7 @@ def test_redundancy_is_found_for_each_run(forget):
         assert_same(results(model), of_first)
 
 
+@pytest.mark.slow
 def test_runs_in_threads_do_not_disturb_each_other(forget):
     double, cart = short("thesis/double_pendulum_89", {}), short("machines/cart_pole", {})
     models = [double, cart, spinning(double), heavier(cart, 1.1), heavier(double, 3.0)]

@@ -121,6 +121,7 @@ def files(folder):
     return found, about
 
 
+@pytest.mark.slow
 @pytest.mark.sampled
 @pytest.mark.parametrize(
     "words",
@@ -448,6 +449,7 @@ def test_the_socket_of_another_user_is_refused(place, monkeypatch):
     listener.close()
 
 
+@pytest.mark.slow
 def test_an_idle_server_ends(tmp_path):
     environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}
     assert msahl("serve", "--idle", "0.01", env=environment)[0] == 0

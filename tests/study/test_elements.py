@@ -63,6 +63,7 @@ def test_the_error_of_an_equilibrium_is_that_of_the_exact_equations(deck, settin
     assert error == pytest.approx(true, rel=0.35, abs=2e-10)
 
 
+@pytest.mark.slow
 def test_a_deck_that_starts_at_an_equilibrium_begins_there_with_any_number_of_elements(tmp_path):
     text = (ROOT / "decks/elastic/bend45.xml").read_text()
     deck = tmp_path / "bend45.xml"

@@ -77,6 +77,7 @@ def test_round_numbers():
     assert all(series_index(series_value(k)) == k for k in range(-12, 5))
 
 
+@pytest.mark.slow
 def test_curves_span_the_errors(result):
     for scheme in SOME[1:]:
         _, errors = result.series(scheme, "position")
@@ -126,6 +127,7 @@ def test_a_study_without_time_has_the_decks_own_run():
     assert [p.trial.case for p in found.runs] in ([], [Case("preserving", 0.002)])
 
 
+@pytest.mark.slow
 def test_a_run_that_chooses_its_steps_is_studied():
     told = []
     plan = Plan(pendulum(1.0), schemes=("auto",), budget=AMPLE)
@@ -162,6 +164,7 @@ def test_the_reference_does_not_miss_a_pulse():
     np.testing.assert_allclose(x, 0.1 * (times[after] - 0.5), atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_reference_does_not_alias_a_sine():
     omega = 2.0 * np.pi * 400.0
     model = free_body(Law("sine", (1.0, omega, np.pi / 2.0, 0.0)), 0.1)
@@ -337,6 +340,7 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert "than the run with the deck's own settings" in text
 
 
+@pytest.mark.slow
 def test_an_error_that_is_round_off_is_reported():
     # The wheel rotates about its own reference point, which rests: positions show nothing.
     model = with_step(deck("torsional_spring"), 0.05, 0.5)

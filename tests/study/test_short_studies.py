@@ -35,6 +35,7 @@ def clock(monkeypatch):
         monkeypatch.setattr(module, "working_clock", lambda: next(seconds))
 
 
+@pytest.mark.slow
 def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock, monkeypatch):
     monkeypatch.setattr(page, "_pictures", lambda study: [])  # they are those of the next test
     schemes = ("--scheme", "preserving", "--scheme", "gauss2", "--scheme", "auto")

@@ -55,6 +55,7 @@ def ticking():
     return oscillator(*events, damping=0.5, signals=states)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 @pytest.mark.parametrize("error", ["off", "estimate"])

@@ -26,6 +26,7 @@ def net():
     return _built("net", 2500)
 
 
+@pytest.mark.slow
 def test_panels_give_the_solution_of_the_products(net):
     system, state = net
     free = all_unknowns(system)

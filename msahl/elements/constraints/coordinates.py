@@ -30,11 +30,17 @@ from msahl.jit.kernel import apart, kernel, unit
 def prepare(
     group: Coordinates, x: np.ndarray, R: np.ndarray, angle: np.ndarray, start: CoordinatesWorkspace
 ) -> None:
-    """Evaluate products and coordinates at the start; ``angle`` (q,) are the counted angles."""
-    products.prepare(group.products, x, R, start.products)
-    surfaces.prepare(group.products.surfaces, group.products, R, start.products)
+    """Evaluate products and coordinates at the start, or those of them along which something acts;
+    ``angle`` (q,) are the counted angles.
+    """
+    own, m, partial = group.products, start.products, start.partial[0]
+    for k in range(own.kind.size):
+        if not (partial and group.idle[group.coordinate[k]]):
+            products.prepare(own, x, R, m, k)
+    surfaces.prepare(own.surfaces, own, R, m)
     for q in range(group.kind.size):
-        start.value[q] = value(group, start, angle[q], q)
+        if not (partial and group.idle[q]):
+            start.value[q] = value(group, start, angle[q], q)
 
 
 @unit

@@ -113,24 +113,22 @@ class ProductsWorkspace(NamedTuple):
 
 
 @kernel
-def prepare(group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorkspace) -> None:
-    """Carry the vectors into inertial axes and evaluate the products."""
-    for k in range(group.kind.size):
-        a, b = group.a[k], group.b[k]
-        n = direction(R, group.owner[k], at(group.n, k))
-        r_a = point_arm(R, a, at(group.s_a, k))
-        r_b = point_arm(R, b, at(group.s_b, k))
-        e = direction(R, b, at(group.e, k))
-        D = add(sub(at(x, b), at(x, a)), sub(r_b, r_a))
-        put(start.n, k, n)
-        put(start.r_a, k, r_a)
-        put(start.r_b, k, r_b)
-        put(start.e, k, e)
-        put(start.D, k, D)
-        if group.kind[k] == DOT:
-            start.value[k] = dot(n, e)
-        else:
-            start.value[k] = dot(n, D)
+def prepare(
+    group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorkspace, k: int
+) -> None:
+    """Carry the vectors of product ``k`` into inertial axes and evaluate it."""
+    a, b = group.a[k], group.b[k]
+    n = direction(R, group.owner[k], at(group.n, k))
+    r_a = point_arm(R, a, at(group.s_a, k))
+    r_b = point_arm(R, b, at(group.s_b, k))
+    e = direction(R, b, at(group.e, k))
+    D = add(sub(at(x, b), at(x, a)), sub(r_b, r_a))
+    put(start.n, k, n)
+    put(start.r_a, k, r_a)
+    put(start.r_b, k, r_b)
+    put(start.e, k, e)
+    put(start.D, k, D)
+    start.value[k] = dot(n, e) if group.kind[k] == DOT else dot(n, D)
 
 
 @kernel

@@ -156,7 +156,7 @@ def _add_blocks(
         slot = rows.place[r, 1]
         for side in range(2):
             q = rows.coordinate[r, side]
-            if q < 0:
+            if q < 0 or coords.idle[q]:
                 continue
             _, c, slope, _ = coefficients(rows, scalar.laws, q_start, r, side)
             for part in range(PARTS):

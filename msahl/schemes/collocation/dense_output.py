@@ -53,7 +53,7 @@ from msahl.formulations.absolute.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.ports import forces
+from msahl.ports import forces, sliding
 from msahl.schemes.collocation.tableau import at_radau_nodes, radau_nodes
 from msahl.schemes.common import accelerations
 from msahl.schemes.common.accelerations import Instant
@@ -272,10 +272,13 @@ def fit_ends(output: DenseOutput) -> None:
 def fit(output: DenseOutput, instant: Instant, growth: float) -> None:
     """Fit the polynomials between ``begin`` and ``end``, up to the level at which accelerations
     differ from those of the level before by ``growth`` times as much as there: ``DIVERGES`` for
-    what is reported, ``EVERY`` where a step may have passed an event, at which they jump.
+    what is reported, ``EVERY`` where a step may have passed an event, at which they jump. Where
+    contacts slide it is ``DIVERGES`` always: what is wrong with a slip that has just begun rotates
+    friction, and it would seem to end.
     """
     signal_group = output.workspace.system.forces.signals
     h, before = output.end.time[0] - output.begin.time[0], 0.0
+    slides = sliding.any_slides(output.workspace.system.forces.sliding)
     fit_ends(output)
     output.level[0] = COARSE
     for level in range(output.nodes.shape[0]):
@@ -291,8 +294,9 @@ def fit(output: DenseOutput, instant: Instant, growth: float) -> None:
         off, second = _largest_defect(output, level, count)
         if off == math.inf:
             return  # auxiliary states may have no solution where they switch
-        if growth < EVERY:
-            if off > growth * (second if level == 0 else before) and off > BLUR * _size(output):
+        if growth < EVERY or slides:
+            diverges = off > min(growth, DIVERGES) * (second if level == 0 else before)
+            if diverges and (growth == EVERY or off > BLUR * _size(output)):
                 return
             before = off
         _enter_accelerations(output, level, count)

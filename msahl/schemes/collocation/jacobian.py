@@ -121,7 +121,7 @@ def _convert_to_parameters(system: System, stages: StageArrays, rated: bool) -> 
     """
     frames, bodies = system.frames, system.bodies
     first = first_multiplier(frames)
-    for m in range(1, system.blocks.shape[0]):
+    for m in stages.blocks:
         row, column = system.blocks[m, 0], system.blocks[m, 1]
         rotates_row = row < first and frames.rotates[row]
         rotates_column = column < first and frames.rotates[column]

@@ -2,9 +2,9 @@
 
 After a step the velocities are projected onto the constraints, by the least change weighted by
 mass, which is what the multiplier of the last node does. Friction depends on reactions; these
-follow from the accelerations at its node and are computed anew in every iteration. Energy lost by a
-decaying scheme is entered as the work of that scheme; energy gained stays visible in the energy
-balance.
+follow from the accelerations at its node and are computed anew in every iteration, which the
+Jacobian does not see; ``secants`` improves the corrections for that. Energy lost by a decaying
+scheme is entered as the work of that scheme; energy gained stays visible in the energy balance.
 """
 
 import math
@@ -28,6 +28,7 @@ from msahl.ports.forces import ReactionForces, pressed_by_reactions
 from msahl.ports.sliding import Sliding
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
+from msahl.schemes.collocation.secants import Secants, go_on, improve, new_secants
 from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
 from msahl.schemes.collocation.tree import stages as tree_stages
 from msahl.schemes.collocation.tree import step as tree_step
@@ -64,6 +65,7 @@ class CollocationWorkspace(NamedTuple):
 
     workspace: Workspace
     pressed: ReactionForces | None  # forces that depend on reactions; None: no code for them
+    secants: Secants | None  # for what the Jacobian lacks of these; None: no code for them
     stages: StageArrays
     instant: Instant
     factor: np.ndarray  # (entries, s, s) sparse factors, blocks transposed
@@ -119,9 +121,11 @@ def new_collocation_workspace(
     else:
         stages.first_energy[:] = like.stages.first_energy
     instant = new_instant(workspace.system, workspace.unknowns) if like is None else like.instant
+    pressed = pressed_by_reactions(workspace.system.forces)
     return CollocationWorkspace(
         workspace=workspace,
-        pressed=pressed_by_reactions(workspace.system.forces),
+        pressed=pressed,
+        secants=None if pressed is None else new_secants(lu.order.size, degree),
         stages=stages,
         instant=instant,
         factor=new_factor(lu, degree),
@@ -392,7 +396,8 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
             continue
         if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
             break
-        if not fresh and is_slow(residual, before):
+        slow = not fresh and is_slow(residual, before)
+        if slow and not go_on(subsystem.secants, residual):
             fresh = True
             continue
         apply_correction(subsystem, fresh)
@@ -434,6 +439,7 @@ def apply_correction(subsystem: CollocationWorkspace, fresh: bool) -> None:
         subsystem.workspace.counts[1] += 1
     gather_stages(lu, stages.F, y)
     block_lu.solve(lu, subsystem.factor, y)
+    improve(subsystem.secants, y, fresh)
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):
             stages.Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]

@@ -441,6 +441,8 @@ class AdaptiveStepper:
                 self.contacts.fail(error)
                 return done, None
             figures[step_control.STOP] = t + self.contacts.time_left()
+            # What kept larger pairs from being solved is over: the end of a slip, for example.
+            figures[step_control.CEILING] = math.inf
             assert self.method.detection
             stop = self.method.detection.stop_in_jump()
             if done or stop:

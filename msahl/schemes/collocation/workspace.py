@@ -56,6 +56,7 @@ class StageArrays(NamedTuple):
     # The Jacobian's entries
     linear: np.ndarray  # (9 m,) constant part of the constraints' derivatives
     needed: np.ndarray  # (q,) entries that the free unknowns have
+    blocks: np.ndarray  # (b,) and the blocks that these are in
     block_kind: np.ndarray  # (q,) kind of the block that each belongs to
     is_rate_row: np.ndarray  # (q,) whether its row is a constraint equation between rates
     slot: np.ndarray  # (9 m,) index of each entry among the needed ones, -1 if it is not needed
@@ -154,6 +155,7 @@ def _jacobian_entries(system: System, unknowns: Unknowns) -> dict[str, Any]:
     return {
         "linear": np.repeat(sign, 9) * system.constant,
         "needed": needed,
+        "blocks": np.unique(needed[needed >= 9] // 9),
         "block_kind": kind[needed // 9],
         "is_rate_row": _rate_rows(system)[needed],
         "slot": slot,
@@ -165,10 +167,10 @@ def _node_arrays(system: System, state: State) -> dict[str, Any]:
     """Arrays of one time node."""
     nodes, vectors = (node_count(system), 3), (frame_count(system.frames), 3)
     node_state = State(*(array.copy() for array in state))
-    arrays: dict[str, Any] = {
-        "state": node_state,
-        "start": new_system_workspace(system, node_state),
-    }
+    start = new_system_workspace(system, node_state)
+    if start.scalar is not None:
+        start.scalar.coordinates.partial[0] = True  # only events need the gaps of open contacts
+    arrays: dict[str, Any] = {"state": node_state, "start": start}
     for name in ("parameters", "parameter_rates"):
         arrays[name] = np.zeros(vectors)
     for name in ("tangent", "base_change", "base_change_rate"):

@@ -89,6 +89,7 @@ def test_a_deck_written_elsewhere_is_the_same_model(path):
     require_same(path, start, there)
 
 
+@pytest.mark.slow
 def test_vectors_in_axes_of_other_bodies_keep_their_meaning():
     path = Path("hostile.xml")
     start = read(path, HOSTILE)

@@ -58,6 +58,7 @@ def test_an_arch_with_few_elements_has_its_limit_load_to_a_thousandth():
     assert critical.factor == pytest.approx(0.897308997, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_frequency_of_the_column_is_zero_at_its_buckling_load():
     """With an estimate of the error that contains the truth."""
 

@@ -124,6 +124,7 @@ def point_on_slope(static):
     return build_model(bodies, [guide], gravity=DOWN, contacts=contacts)
 
 
+@pytest.mark.slow
 def test_a_point_slides_where_friction_is_too_small():
     start = search_start(point_on_slope(0.36))
     assert find(start, REST) is None

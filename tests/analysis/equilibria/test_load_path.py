@@ -56,6 +56,7 @@ def test_snap_through_follows_its_closed_form(snap_through):
     assert points[-1].factor == 1.0
 
 
+@pytest.mark.slow
 def test_limit_points_are_the_extrema_of_the_load(snap_through):
     limits = [point for point in snap_through if point.kind]
     height = np.sqrt(1.09 ** (1 / 3) - 1.0)

@@ -60,6 +60,7 @@ def errors(deck, names, motors, scheme, steps, longest):
     return found
 
 
+@pytest.mark.slow
 def test_loads_of_a_four_bar_at_the_order_of_gauss():
     (coarse, _), (fine, _) = errors(FOUR_BAR, ["Shaft.angle"], ["Motor"], "gauss2", 14, 0.002)
     # That of gauss2 or of the derivative of splines of degree 5, 5 to 6.
@@ -155,6 +156,7 @@ def test_the_stewart_platform_ends_where_its_header_says():
     assert [run[f"Platform.{axis}"][-1] for axis in "xyz"] == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_loads_of_a_stewart_platform_by_its_states_and_accelerations():
     model = msahl.load(STEWART)
     run = model.run(scheme="gauss3", dt=0.02, t_final=0.14, accelerations="yes", error="off")
@@ -167,6 +169,7 @@ def test_loads_of_a_stewart_platform_by_its_states_and_accelerations():
     assert all(found.unique.values())
 
 
+@pytest.mark.slow
 def test_two_motors_on_a_four_bar_share_the_load_at_the_least_norm():
     model = msahl.load(FOUR_BAR)
     run = model.run(scheme="gauss3", dt=0.005, t_final=0.05, accelerations="yes", error="off")
@@ -283,6 +286,7 @@ def test_loads_of_prescribed_motions(deck, motion):
     assert found[f"{motion}.power"] == pytest.approx(run[f"{motion}.power"], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_work_and_energy_agree_with_the_run():
     model = msahl.load(FOUR_BAR)
     run = model.run(scheme="gauss3", dt=0.002, t_final=0.06, accelerations="yes", error="off")
@@ -331,6 +335,7 @@ def test_states_are_not_copied_at_each_row(monkeypatch):
     assert len(made) == 6
 
 
+@pytest.mark.slow
 def test_noise_is_smoothed():
     model = msahl.load(FOUR_BAR)
     run = forward(model, 0.004, 0.1, "gauss3")

@@ -94,6 +94,7 @@ def test_four_bar_is_freudensteins():
     assert np.abs(found["Rocker pivot.angleAcceleration"] + psi_second).max() <= 1e-11
 
 
+@pytest.mark.slow
 def test_spatial_slider_crank_moved_at_its_crank():
     model = deck("spatial_slider_crank")
     law = Law("polynomial", (0.0, 6.0))
@@ -111,6 +112,7 @@ def test_spatial_slider_crank_moved_at_its_crank():
     assert np.abs(found["Slider.ax"] - a).max() <= 1e-11
 
 
+@pytest.mark.slow
 def test_stewart_platform_has_the_given_leg_lengths():
     """The inverse geometry of the platform found: the distances of its joints are the laws."""
     found = Computed(deck("stewart"), np.linspace(0.0, 0.5, 5))
@@ -167,6 +169,7 @@ def test_motion_and_reactions_are_those_of_a_run_with_small_steps():
     assert np.abs(found.tables["work"] - sink.table("work")).max() <= 1e-5
 
 
+@pytest.mark.slow
 def test_error_bars_hold_against_higher_precision():
     """Near a dead point of the slider-crank that is moved at its slider."""
     law = Law("polynomial", (0.0, 0.1))
@@ -187,6 +190,7 @@ def test_error_bars_hold_against_higher_precision():
         assert errors.position <= 1e4 * max(abs(found["Crank.z"][-1] - float(height)), 1e-17)
 
 
+@pytest.mark.slow
 def test_dead_points_are_found_between_output_times():
     """Crank and rod of equal length: the slider is at 2 r cos phi, with phi = 30 deg + 3 t."""
     law = Law("sine", (2.0 * R, 3.0, np.pi / 2.0 + np.pi / 6.0, 0.0))
@@ -263,6 +267,7 @@ def test_motions_that_contradict_each_other_are_named():
         prepare(replace(model, motions=(*model.motions, pushed)))
 
 
+@pytest.mark.slow
 def test_an_output_time_at_a_dead_point_has_no_row():
     law = Law("sine", (2.0 * R, np.pi / 3.0, np.pi / 2.0 + np.pi / 6.0, 0.0))
     found = Computed(slider_crank(("l=0.1 m",), law), np.linspace(0.0, 2.0, 21))
@@ -285,6 +290,7 @@ def test_the_end_of_reach_is_named():
     assert "limit position at t = 0.184484853432" in report.message
 
 
+@pytest.mark.slow
 def test_a_flattened_parallelogram_keeps_its_branch():
     """Equal cranks and a coupler as long as the ground: flat at 180 degrees, where the rocker could
     turn back (an antiparallelogram)."""

@@ -108,6 +108,7 @@ def test_weave_and_capsize_speed_of_the_bicycle():
     assert len(built) <= 60
 
 
+@pytest.mark.slow
 def test_a_value_that_is_critical_itself():
     point_of, _ = counted(BICYCLE, "v")
     found = campbell(point_of, [5.0, 6.02426201538837, 7.0])

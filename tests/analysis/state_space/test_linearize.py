@@ -233,6 +233,7 @@ def check_inputs(model, inputs, tolerance=1e-9):
         assert linear.D[:, i] == pytest.approx(D, abs=tolerance * (1 + abs(D).max()))
 
 
+@pytest.mark.slow
 def test_inputs_of_a_loop_against_differences():
     model = random_loop(np.random.default_rng(1), SPATIAL)
     names = ["Motor", "command", "current", "J0.angle", "J1.slide", "M.Fy", "B0.Mz", "B1.Fx"]

@@ -21,6 +21,7 @@ def test_a_tighter_tolerance_changes_nothing(motion, t):
     assert np.abs(found - tighter).max() < 1e-11 * max(1.0, np.abs(found).max())
 
 
+@pytest.mark.slow
 def test_the_errors_of_the_robot_decay_as_the_controller_demands():
     times = [0.2, 0.5]
     assert robot.motion(times)[:, :6] == pytest.approx(robot.exact(times), abs=1e-11)

@@ -45,6 +45,7 @@ def skin_at(entry, poses):
     return frame[:, None, :3] + np.einsum("tij,tsj->tsi", matrices(frame[:, 3:]), own)
 
 
+@pytest.mark.slow
 def test_amplitudes_of_a_scene_are_those_of_the_table(sample):
     [entry] = scene_of_run(sample)["elastic"]
     found = amplitudes(entry, poses_of_run(sample).values)

@@ -123,6 +123,7 @@ def read(address):
         return answer.read().decode()
 
 
+@pytest.mark.slow
 def test_the_command_follows_the_deck_until_it_is_interrupted(shown):
     deck, process, address = shown
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]+/", address)

@@ -103,6 +103,7 @@ def test_degrees_of_freedom_and_scene():
     assert [body["name"] for body in scene_of(html)["bodies"]] == ["Crank", "Rod", "Piston"]
 
 
+@pytest.mark.slow
 def test_a_deck_with_faults_shows_what_can_be_read(tmp_path):
     deck = tmp_path / "deck.xml"
     deck.write_text(FAULTY_DECK)

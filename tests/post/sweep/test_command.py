@@ -195,6 +195,7 @@ def test_the_page_has_short_numbers_and_units(tmp_path):
     assert "a = 0.3 rad/s, b = 1" in result.stdout
 
 
+@pytest.mark.slow
 def test_hostile_names_run_no_script(tmp_path):
     parameters = {PAYLOADS[2]: [1.0, 2.0, 3.0], PAYLOADS[5]: [*PAYLOADS[:3]]}
     measures = {payload: [1.0, None, 3.0] for payload in PAYLOADS[:2]}
@@ -237,6 +238,7 @@ def _scripts_of_a_plain_page(tmp_path):
     return (folder / "report" / "sweep.html").read_text().count("<script")
 
 
+@pytest.mark.slow
 def test_the_same_sweep_gives_the_same_bytes(tmp_path):
     folder = grid(tmp_path / "s")
     for name in ("one", "two"):
@@ -321,6 +323,7 @@ def test_every_field_may_hold_any_value(tmp_path, sample, monkeypatch):
     assert 0.2 * cases < refused < cases
 
 
+@pytest.mark.slow
 def test_statistics_do_without_matplotlib(tmp_path):
     folder = grid(tmp_path / "s")
     script = (
@@ -337,6 +340,7 @@ def run_sweep(folder, *words):
     return read_sweep(folder)
 
 
+@pytest.mark.slow
 def test_a_sweep_from_the_plan_to_the_page(tmp_path):
     deck = str(ROOT / "decks" / "forces" / "slide_spring.xml")
     words = (deck, "--t-final", "0.1", "--over", "dt=0.01,0.02", "--measure", "Block.x max")

@@ -45,6 +45,7 @@ def test_modules_are_joined_in_the_order_of_their_imports() -> None:
         assert len(names) == len(set(names)), entry
 
 
+@pytest.mark.slow
 def test_joined_modules_are_a_program() -> None:
     node = shutil.which("node")
     if node is None:

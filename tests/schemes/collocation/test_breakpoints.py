@@ -62,6 +62,7 @@ def falling(*table):
     return build_model([body(position=ZERO)], [RAIL], [pad], gravity=(0.0, 0.0, -9.81))
 
 
+@pytest.mark.slow
 def test_a_ball_meets_the_spring_it_falls_on():
     """A table in two slopes, zero from 4 m below upwards: three bounces in 6 s. No energy is lost,
     so the ball comes back to where it began, and energy gives its lowest place.
