@@ -68,7 +68,7 @@ class CoordinatesWorkspace(NamedTuple):
     load: np.ndarray  # (q,) force or moment along q, gathered from all that act on it
     size: np.ndarray  # (q,) of the loads' largest terms, which may cancel
     term_size: np.ndarray  # (nodes,) largest such term, or round-off of a law, in a node's rows [m]
-    partial: np.ndarray  # (1,) whether values along which nothing acts are left out
+    partial: np.ndarray  # (1,) whether values along which nothing acts are omitted
 
 
 class Derivatives(NamedTuple):
