@@ -31,7 +31,7 @@ ROUGH = 1e-2
 class Secants(NamedTuple):
     """The steps since the Jacobian was factored, and their squares."""
 
-    count: np.ndarray  # (1,)
+    taken: np.ndarray  # (1,) how many there are
     step: np.ndarray  # (k, f, s)
     square: np.ndarray  # (k,)
 
@@ -44,15 +44,15 @@ def new_secants(unknowns: int, degree: int) -> Secants:
 @optional(False)
 def go_on(secants: Secants, residual: float) -> bool:
     """Whether the Jacobian stays as it is although convergence at this ``residual`` is slow."""
-    return residual <= ROUGH and secants.count[0] < MOST
+    return residual <= ROUGH and secants.taken[0] < MOST
 
 
 @optional()
 def improve(secants: Secants, y: np.ndarray, fresh: bool) -> None:
     """Change the correction ``y`` (f, s) by a Jacobian, which is ``fresh`` or older, to a step."""
     if fresh:
-        secants.count[0] = 0
-    last = secants.count[0] - 1
+        secants.taken[0] = 0
+    last = secants.taken[0] - 1
     for j in range(last):
         _add(y, _product(secants.step[j], y) / secants.square[j], secants.step[j + 1])
     if last >= 0:
@@ -63,7 +63,7 @@ def improve(secants: Secants, y: np.ndarray, fresh: bool) -> None:
                     y[k, i] /= divisor
     square = _product(y, y)
     if last + 1 < MOST and square > 0.0:
-        secants.count[0] = last + 2
+        secants.taken[0] = last + 2
         secants.square[last + 1] = square
         copy(y, secants.step[last + 1])
 
