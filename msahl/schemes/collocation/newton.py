@@ -28,7 +28,7 @@ from msahl.ports.forces import ReactionForces, pressed_by_reactions
 from msahl.ports.sliding import Sliding
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
-from msahl.schemes.collocation.secants import Secants, go_on, improve, new_secants
+from msahl.schemes.collocation.secants import Secants, forget, go_on, improve, new_secants
 from msahl.schemes.collocation.tableau import Halves, halves_of, new_tableau
 from msahl.schemes.collocation.tree import stages as tree_stages
 from msahl.schemes.collocation.tree import step as tree_step
@@ -391,6 +391,7 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
             block_lu.factor(
                 lu, stages.source, stages.values, subsystem.factor, subsystem.pivot_rows
             )
+            forget(subsystem.secants)
             remove_null_multipliers(subsystem)
             relaxed, fresh, before, smallest = False, False, math.inf, math.inf
             continue

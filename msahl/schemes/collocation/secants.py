@@ -48,6 +48,12 @@ def go_on(secants: Secants, residual: float) -> bool:
 
 
 @optional()
+def forget(secants: Secants) -> None:
+    """Begin anew, with another Jacobian."""
+    secants.taken[0] = 0
+
+
+@optional()
 def improve(secants: Secants, y: np.ndarray, fresh: bool) -> None:
     """Change the correction ``y`` (f, s) by a Jacobian, which is ``fresh`` or older, to a step."""
     if fresh:
