@@ -588,9 +588,9 @@ class FixedStepper:
         try:
             near = detection.round_off(event.margin)
             part = time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest, near)
-            of_force = detection.is_force(event.margin)
-            of_force = of_force or detection.time_of_a_width(event) < math.inf
-            if part < rest <= part + (NEAR if of_force else CLOSE):
+            has_width = detection.time_of_a_width(event) < math.inf
+            passed = NEAR if has_width or detection.is_force(event.margin) else CLOSE
+            if part < rest <= part + passed:
                 margin(rest)
                 part = rest
         except NoStep:
