@@ -371,7 +371,7 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
     """
     workspace, stages = subsystem.workspace, subsystem.stages
     system, state, start = workspace.system, workspace.state, workspace.start
-    lu, free = workspace.unknowns.elimination, workspace.unknowns.free
+    free = workspace.unknowns.free
     before, smallest, predicted, first = math.inf, math.inf, 0.0, math.inf
     iteration, fresh, relaxed = 0, True, system.relaxation > 0.0
     while True:
@@ -388,10 +388,7 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
             if not fresh:
                 fresh = True
                 continue
-            block_lu.factor(
-                lu, stages.source, stages.values, subsystem.factor, subsystem.pivot_rows
-            )
-            forget(subsystem.secants)
+            factor(subsystem)
             remove_null_multipliers(subsystem)
             relaxed, fresh, before, smallest = False, False, math.inf, math.inf
             continue
@@ -430,17 +427,25 @@ def iterate_by_widths(group: Sliding, subsystem: CollocationWorkspace, h: float)
 
 
 @kernel
+def factor(subsystem: CollocationWorkspace) -> None:
+    """Factor the Jacobian that was evaluated last; the secants were those of another one."""
+    stages, lu = subsystem.stages, subsystem.workspace.unknowns.elimination
+    block_lu.factor(lu, stages.source, stages.values, subsystem.factor, subsystem.pivot_rows)
+    forget(subsystem.secants)
+
+
+@kernel
 def apply_correction(subsystem: CollocationWorkspace, fresh: bool) -> None:
     """Subtract Newton's correction from the free unknowns; factor the Jacobian first if it is
     ``fresh``.
     """
     stages, lu, y = subsystem.stages, subsystem.workspace.unknowns.elimination, subsystem.y
     if fresh:
-        block_lu.factor(lu, stages.source, stages.values, subsystem.factor, subsystem.pivot_rows)
+        factor(subsystem)
         subsystem.workspace.counts[1] += 1
     gather_stages(lu, stages.F, y)
     block_lu.solve(lu, subsystem.factor, y)
-    improve(subsystem.secants, y, fresh)
+    improve(subsystem.secants, y)
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):
             stages.Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]

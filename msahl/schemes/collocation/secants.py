@@ -49,15 +49,13 @@ def go_on(secants: Secants, residual: float) -> bool:
 
 @optional()
 def forget(secants: Secants) -> None:
-    """Begin anew, with another Jacobian."""
+    """Begin anew, as the Jacobian was factored."""
     secants.taken[0] = 0
 
 
 @optional()
-def improve(secants: Secants, y: np.ndarray, fresh: bool) -> None:
-    """Change the correction ``y`` (f, s) by a Jacobian, which is ``fresh`` or older, to a step."""
-    if fresh:
-        secants.taken[0] = 0
+def improve(secants: Secants, y: np.ndarray) -> None:
+    """Change the correction ``y`` (f, s) by the Jacobian to a step."""
     last = secants.taken[0] - 1
     for j in range(last):
         _add(y, _product(secants.step[j], y) / secants.square[j], secants.step[j + 1])
